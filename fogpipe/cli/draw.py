@@ -1,0 +1,36 @@
+"""``fogpipe draw``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, cast
+
+import typer
+
+from fogpipe.cli import options as o
+from fogpipe.errors import RequestError
+
+_SUFFIXES = {".svg": "svg", ".dot": "dot", ".gv": "dot", ".mmd": "mermaid", ".mermaid": "mermaid"}
+
+
+def command(
+    pipeline: o.PipelineName,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help=".svg, .dot or .mmd file.")] = None,
+    form: Annotated[str | None, typer.Option("--format", help="svg, dot or mermaid.")] = None,
+    settings: o.Settings = None,
+    plugins: o.Plugins = None,
+) -> None:
+    """Draw a pipeline, with the kind of value on every edge."""
+    from fogpipe.io.atomic import atomic_write
+    from fogpipe.pipeline.draw import draw
+
+    chosen = form or (_SUFFIXES.get(out.suffix) if out else "svg")
+    if chosen not in _SUFFIXES.values():
+        raise RequestError(f"draw: cannot tell the format of {out or form}; use .svg, .dot or .mmd, or --format.")
+    text = draw(o.load_pipeline(pipeline, settings, plugins).graph, cast(Literal["svg", "dot", "mermaid"], chosen))
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    with atomic_write(out) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    typer.echo(f"wrote {out}", err=True)

@@ -1,0 +1,65 @@
+"""Runs a compiled loop over bands of rows, in threads.
+
+A kernel that takes part is compiled with ``nogil=True``, has the form ``kernel(first, last, ...)``, and
+writes only rows ``first:last`` of its outputs while it reads whatever it likes of its inputs. Each
+row is then computed by the same instructions whatever the number of threads, so the result is the
+same to the last bit.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+MIN_PIXELS_PER_BAND = 16_384
+"""Below this a thread costs more than it saves (a hand-over takes about 30 µs)."""
+
+_threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+_pool: ThreadPoolExecutor | None = None
+
+
+def threads() -> int:
+    """How many threads a kernel may use."""
+    return _threads
+
+
+def set_threads(count: int) -> None:
+    """Let kernels use ``count`` threads (at least 1). Results do not depend on it."""
+    global _threads
+    if count < 1:
+        raise ValueError(f"threads must be at least 1, not {count}")
+    _threads = count
+    _forget_pool()
+
+
+def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: Any) -> None:
+    """Call ``kernel(first, last, *arguments)`` on bands that cover ``rows`` rows of ``columns`` pixels."""
+    count = max(1, min(_threads, rows, rows * columns // MIN_PIXELS_PER_BAND))
+    edges = [rows * band // count for band in range(count + 1)]
+    pending = [_submit(kernel, edges[band], edges[band + 1], *arguments) for band in range(1, count)]
+    try:
+        kernel(edges[0], edges[1], *arguments)
+    finally:
+        for future in pending:
+            future.exception()
+    for future in pending:
+        future.result()
+
+
+def _submit(function: Callable[..., None], *arguments: Any) -> Any:
+    global _pool
+    if _pool is None:
+        _pool = ThreadPoolExecutor(max(1, _threads), thread_name_prefix="fogpipe-band")
+    return _pool.submit(function, *arguments)
+
+
+def _forget_pool() -> None:
+    global _pool
+    _pool = None
+
+
+# A forked child inherits the pool object but none of its threads, and would wait for ever.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_pool)

@@ -1,0 +1,1 @@
+"""YAML → spec → checked graph → plan → drawing. Nothing here runs a stage."""

@@ -1,0 +1,123 @@
+"""Cards: what a stage takes, gives and means, made from its signature and docstring alone."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import typing
+from typing import Any
+
+from annotated_types import BaseMetadata
+
+from fogpipe.stage import Contract, Port, unit_of
+
+
+def card(contract: Contract, origin: str = "") -> str:
+    """The card of a stage as Markdown."""
+    data = card_data(contract, origin)
+    lines = [f"# {data['name']}", "", data["summary"], "", data["extended"], ""]
+    for title, ports in (("Inputs", data["inputs"]), ("Outputs", data["outputs"])):
+        lines += [f"## {title}", "", "| port | kind | meaning |", "|---|---|---|"]
+        lines += [f"| {port['name']} | {port['kind']} | {port['description']} |" for port in ports] + [""]
+    if data["parameters"]:
+        lines += ["## Parameters", "", "| name | type | default | unit | meaning |", "|---|---|---|---|---|"]
+        for p in data["parameters"]:
+            cells = (p["name"], p["type"], p["default"], p["unit"], p["description"])
+            lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+        lines.append("")
+    for title, text in data["sections"].items():
+        lines += [f"## {title}", "", text, ""]
+    if data["skipped_when"]:
+        lines += ["## Skipped", "", data["skipped_when"], ""]
+    lines += [f"`{data['import']}` · version {data['version']}{f' · {origin}' if origin else ''}", ""]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
+
+
+def card_data(contract: Contract, origin: str = "") -> dict[str, Any]:
+    """The same as plain data."""
+    head, sections = _sections(inspect.getdoc(contract.function) or "")
+    summary, _, extended = head.partition("\n")
+    words = _descriptions(sections.pop("Parameters", ""))
+    returned = sections.pop("Returns", "")
+    condition = contract.mark.identity_when
+    return {
+        "name": contract.name,
+        "version": contract.mark.version,
+        "origin": origin,
+        "import": f"from {contract.function.__module__} import {contract.function.__name__}",
+        "summary": summary,
+        "extended": extended.strip(),
+        "inputs": [_port(port, words.get(port.name, "")) for port in contract.inputs],
+        "outputs": [_output(port, returned) for port in contract.outputs],
+        "parameters": [_parameter(p, words.get(p.name, "")) for p in contract.parameters],
+        "sections": sections,
+        "skipped_when": (inspect.getdoc(condition) or "") if condition else "",
+    }
+
+
+def _port(port: Port, description: str) -> dict[str, str]:
+    name = f"{port.name} (optional)" if port.optional else port.name
+    return {"name": name, "kind": str(port.kind), "description": description or port.kind.meaning}
+
+
+def _output(port: Port, returned: str) -> dict[str, str]:
+    if not port.name:
+        return {"name": "", "kind": str(port.kind), "description": " ".join(returned.split())}
+    return {"name": port.name, "kind": str(port.kind), "description": _descriptions(returned).get(port.name, "")}
+
+
+def _parameter(parameter: inspect.Parameter, description: str) -> dict[str, str]:
+    hint = parameter.annotation
+    bounds = [_bound(item) for item in getattr(hint, "__metadata__", ()) if isinstance(item, BaseMetadata)]
+    base = typing.get_args(hint)[0] if bounds or unit_of(hint) else hint
+    return {
+        "name": parameter.name,
+        "type": " ".join([_type_name(base), *bounds]),
+        "default": "required" if parameter.default is parameter.empty else repr(parameter.default),
+        "unit": unit_of(hint) or "",
+        "description": description,
+    }
+
+
+_SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+
+
+def _bound(item: Any) -> str:
+    parts = [f"{sign} {getattr(item, key)}" for key, sign in _SIGNS.items() if getattr(item, key, None) is not None]
+    return ", ".join(parts) or repr(item)
+
+
+def _type_name(hint: Any) -> str:
+    if typing.get_origin(hint) is typing.Literal:
+        return " or ".join(str(item) for item in typing.get_args(hint))
+    if hint is type(None):
+        return "none"
+    if typing.get_origin(hint) is typing.Annotated:
+        bounds = [_bound(item) for item in hint.__metadata__ if isinstance(item, BaseMetadata)]
+        return " ".join([_type_name(hint.__origin__), *bounds])
+    if isinstance(hint, type) and not typing.get_args(hint):
+        return hint.__name__
+    if typing.get_origin(hint) is tuple:
+        return f"({', '.join(_type_name(item) for item in typing.get_args(hint))})"
+    return " or ".join(_type_name(item) for item in typing.get_args(hint)) or str(hint)
+
+
+def _sections(doc: str) -> tuple[str, dict[str, str]]:
+    """Split a numpydoc docstring at its underlined titles."""
+    parts = re.split(r"^(\w[\w ]*)\n-{3,}$", doc, flags=re.MULTILINE)
+    titles, texts = parts[1::2], parts[2::2]
+    return parts[0].strip(), {title: text.strip("\n") for title, text in zip(titles, texts, strict=True)}
+
+
+def _descriptions(section: str) -> dict[str, str]:
+    """What a Parameters section says of each name; ``a, b : text`` speaks of both."""
+    found: dict[str, str] = {}
+    names: list[str] = []
+    for line in section.splitlines():
+        match = re.match(r"^(\w+(?:, \w+)*) : (.*)$", line)
+        if match:
+            names = match[1].split(", ")
+            found |= dict.fromkeys(names, match[2])
+        elif line.strip():
+            found |= {name: f"{found[name]} {line.strip()}" for name in names}
+    return found

@@ -1,0 +1,167 @@
+"""A whole run from files to files: read, execute, write the outputs, the proof sheet and the record."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fogpipe.errors import InputError, ReplayError
+from fogpipe.pipeline.check import check
+from fogpipe.pipeline.graph import Graph, Ref
+from fogpipe.pipeline.spec import spec_from_data
+from fogpipe.registry import Registry
+from fogpipe.runtime.cache import Cache
+from fogpipe.runtime.events import Observer, StageReport
+from fogpipe.runtime.inputs import Inputs, Request, inputs_from_request
+from fogpipe.runtime.outputs import check_formats, file_digest, make_folder, write_output
+from fogpipe.runtime.pipeline import Pipeline, Result, run_plan
+from fogpipe.runtime.record import (
+    Options,
+    changed_inputs,
+    changed_outputs,
+    changed_versions,
+    make_record,
+    read_record,
+)
+
+RECORD_NAME = "run.json"
+SHEET_NAME = "sheet.png"
+
+
+def run_job(
+    pipeline: Pipeline,
+    request: Request,
+    options: Options,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    cache: Cache | None = None,
+    observer: Observer | None = None,
+    expected_inputs: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Run a pipeline on files and write everything into ``folder``; returns the record.
+
+    The outputs are written only when all of them have been computed, the record last: a folder with
+    a ``run.json`` is complete.
+
+    Parameters
+    ----------
+    expected_inputs : a record whose inputs these must be (for a replay).
+
+    Raises
+    ------
+    RequestError
+        If the inputs cannot be used; nothing was run.
+    RunError
+        If a stage or the writing of an output fails.
+    """
+    started = time.perf_counter()
+    check_formats(options.image_format, options.map_format)
+    plan = pipeline.plan(options.to)
+    inputs = inputs_from_request(plan, request)
+    if expected_inputs and (changed := changed_inputs(expected_inputs, inputs)):
+        raise InputError(f"the content of {', '.join(changed)} is not what it was in the recorded run.")
+    make_folder(folder)
+    sheet = _SheetObserver(pipeline.graph, observer or Observer()) if options.sheet else None
+    if sheet:
+        sheet.inputs(inputs)
+    result = run_plan(plan, inputs, workers=workers, cache=cache, observer=sheet or observer)
+    files = _write_outputs(pipeline.graph, plan.outputs, result, inputs, options, folder)
+    if sheet:
+        sheet.write(folder / SHEET_NAME)
+    record = make_record(plan, request, options, inputs, result, files, time.perf_counter() - started)
+    _write_json(folder / RECORD_NAME, record)
+    return record
+
+
+def replay_job(
+    path: Path, folder: Path, *, workers: int | None = None, observer: Observer | None = None
+) -> dict[str, Any]:
+    """Run again what a record says and compare the outputs byte by byte; returns the new record.
+
+    Raises
+    ------
+    InputError
+        If the record or an input cannot be read, or an input has changed.
+    ReplayError
+        If an output came out differently; names the libraries that have changed since.
+    """
+    before = read_record(path)
+    options = Options(**before["options"])
+    registry = Registry(options.plugins)
+    graph = check(spec_from_data(before["pipeline"], before["source"]), registry)
+    request = Request(**before["request"])
+    pipeline = Pipeline(replace(graph, source=before["source"]), registry)
+    after = run_job(pipeline, request, options, folder, workers=workers, observer=observer, expected_inputs=before)
+    if changed := changed_outputs(before, after):
+        others = ", ".join(changed_versions(before)) or "no library has changed its version"
+        raise ReplayError(f"{', '.join(changed)} came out differently than in {path} ({others}).")
+    return after
+
+
+def _write_outputs(
+    graph: Graph, refs: Mapping[str, Ref], result: Result, inputs: Inputs, options: Options, folder: Path
+) -> dict[str, dict[str, str]]:
+    files = {}
+    for name, array in result.items():
+        path = write_output(
+            folder,
+            name,
+            graph.kind(refs[name]),
+            array,
+            color=graph.color,
+            alpha=inputs.alpha,
+            image_format=options.image_format,
+            map_format=options.map_format,
+        )
+        if path:
+            files[name] = {"file": path.name, "sha256": file_digest(path)}
+    return files
+
+
+def _write_json(path: Path, data: Mapping[str, Any]) -> None:
+    from fogpipe.io.atomic import atomic_write
+
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(data, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+class _SheetObserver(Observer):
+    """Makes a thumbnail of every value as it passes, so that the value itself can be freed."""
+
+    def __init__(self, graph: Graph, inner: Observer) -> None:
+        from fogpipe.io.sheet import Tile
+
+        self.graph = graph
+        self.inner = inner
+        self.tiles: list[Tile] = []
+
+    def inputs(self, inputs: Inputs) -> None:
+        for name, array in inputs.values.items():
+            self._add(Ref(name), array)
+
+    def started(self, name: str) -> None:
+        self.inner.started(name)
+
+    def finished(self, report: StageReport) -> None:
+        self.inner.finished(report)
+
+    def value(self, ref: Ref, array: np.ndarray) -> None:
+        self.inner.value(ref, array)
+        self._add(ref, array)
+
+    def write(self, path: Path) -> None:
+        from fogpipe.io.sheet import write_sheet
+
+        write_sheet(path, self.graph.title or self.graph.source, self.tiles)
+
+    def _add(self, ref: Ref, array: np.ndarray) -> None:
+        from fogpipe.io.sheet import tile
+
+        self.tiles.append(tile(str(ref), self.graph.kind(ref), array, self.graph.color))

@@ -1,0 +1,149 @@
+"""The record of a run, ``run.json``, and its replay."""
+
+from __future__ import annotations
+
+import json
+import platform
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import fogpipe
+from fogpipe.errors import InputError
+from fogpipe.pipeline.plan import Plan
+from fogpipe.runtime.cache import digest
+from fogpipe.runtime.inputs import Inputs, Request
+from fogpipe.runtime.pipeline import Result
+
+RECORD_VERSION = 1
+_LIBRARIES = (
+    "numpy",
+    "scipy",
+    "scikit-image",
+    "opencv-contrib-python-headless",
+    "numba",
+    "pillow",
+    "imageio",
+    "OpenEXR",
+)
+
+
+@dataclass(frozen=True)
+class Options:
+    """The choices of a run that shape its files, as plain data that a record can repeat."""
+
+    to: tuple[str, ...] | None = None
+    image_format: str = "png"
+    map_format: str = "npy"
+    plugins: tuple[str, ...] = ()
+    sheet: bool = True
+
+
+def make_record(
+    plan: Plan,
+    request: Request,
+    options: Options,
+    inputs: Inputs,
+    result: Result,
+    files: Mapping[str, dict[str, str]],
+    seconds: float,
+) -> dict[str, Any]:
+    """Everything that is needed to say how the outputs were made, and to make them again."""
+    graph = plan.graph
+    return {
+        "record": RECORD_VERSION,
+        "fogpipe": fogpipe.__version__,
+        "source": graph.source,
+        "pipeline": graph.resolved(),
+        "request": request.to_data(),
+        "options": asdict(options),
+        "inputs": {
+            name: _describe(graph.inputs[name].name, array) | {"source": inputs.sources.get(name, "array")}
+            for name, array in inputs.values.items()
+        },
+        "notes": list(inputs.notes),
+        "outputs": {
+            name: _describe(graph.kind(plan.outputs[name]).name, array) | files.get(name, {})
+            for name, array in result.items()
+        },
+        "stages": [
+            asdict(report)
+            | {"version": plan.nodes[report.name].contract.mark.version, "origin": plan.nodes[report.name].origin}
+            for report in result.reports
+        ],
+        "pruned": list(plan.pruned),
+        "expectations_missed": list(result.missed),
+        "seconds": seconds,
+        "peak_memory_bytes": peak_memory(),
+        "peak_array_bytes": result.peak_bytes,
+        "versions": _versions(),
+        "platform": platform.platform(),
+    }
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Read a ``run.json``.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not a record of this form.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as a run record: {error}.") from error
+    needed = {"record", "pipeline", "request", "options", "inputs", "outputs", "source"}
+    if not isinstance(record, dict) or not needed <= record.keys():
+        raise InputError(f"{path} is not a run record; give the run.json that a run wrote beside its outputs.")
+    if record["record"] != RECORD_VERSION:
+        raise InputError(f"{path} is of record version {record['record']}; this fogpipe reads {RECORD_VERSION}.")
+    return record
+
+
+def changed_inputs(record: Mapping[str, Any], inputs: Inputs) -> list[str]:
+    """Inputs whose content is not what the record says."""
+    return [name for name, array in inputs.values.items() if digest(array) != record["inputs"][name]["digest"]]
+
+
+def changed_outputs(record: Mapping[str, Any], outcome: Mapping[str, Any]) -> list[str]:
+    """Outputs of ``outcome`` (another record) that are not the recorded bytes."""
+    return [
+        name
+        for name, before in record["outputs"].items()
+        if any(before.get(key) != outcome["outputs"][name].get(key) for key in ("digest", "sha256"))
+    ]
+
+
+def changed_versions(record: Mapping[str, Any]) -> list[str]:
+    """Libraries whose version is not the recorded one, in words."""
+    now = _versions()
+    return [f"{name} {then} → {now.get(name)}" for name, then in record["versions"].items() if now.get(name) != then]
+
+
+def peak_memory() -> int | None:
+    """The most memory that this process has held, in bytes; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+def _describe(kind: str, array: Any) -> dict[str, Any]:
+    facts = {"kind": kind, "shape": list(array.shape), "dtype": str(array.dtype), "digest": digest(array)}
+    return facts | ({"value": array.tolist()} if array.ndim < 2 else {})
+
+
+def _versions() -> dict[str, str]:
+    found = {"fogpipe": fogpipe.__version__, "python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,253 @@
+"""Executes a plan: in topological order, independent stages side by side, each array freed after its last reader."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from collections import Counter, deque
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+
+from fogpipe.errors import StageError
+from fogpipe.pipeline.graph import Node, Ref
+from fogpipe.pipeline.plan import Plan
+from fogpipe.runtime.cache import Cache, digest
+from fogpipe.runtime.events import Observer, StageReport, Status
+
+
+@dataclass
+class Outcome:
+    """What a run gave.
+
+    Attributes
+    ----------
+    values : the plan's targets.
+    reports : one per stage, in the order in which they ended.
+    peak_bytes : the most memory that values between stages took at any moment.
+    """
+
+    values: dict[Ref, np.ndarray] = field(default_factory=dict)
+    reports: list[StageReport] = field(default_factory=list)
+    peak_bytes: int = 0
+
+
+def execute(
+    plan: Plan,
+    inputs: Mapping[str, np.ndarray],
+    *,
+    workers: int | None = None,
+    cache: Cache | None = None,
+    observer: Observer | None = None,
+) -> Outcome:
+    """Run the stages of a plan.
+
+    Parameters
+    ----------
+    inputs : an array for each of the plan's inputs, already checked; they are never written to.
+    workers : stages that may run side by side (default: the number of processors). The result does
+        not depend on it.
+    cache : where results are looked up and kept.
+    observer : is told of every event.
+
+    Raises
+    ------
+    StageError
+        When a stage fails; other stages that had started are waited for.
+    """
+    return _Run(plan, inputs, cache, observer or Observer()).execute(workers or os.cpu_count() or 1)
+
+
+def random_generator(seed: int, stage_name: str) -> np.random.Generator:
+    """The generator of one stage: it depends on the pipeline's seed and the stage's name only."""
+    name = int.from_bytes(hashlib.blake2b(stage_name.encode(), digest_size=8).digest(), "little")
+    return np.random.default_rng(np.random.SeedSequence([seed, name]))
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """A read-only view."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+@dataclass(frozen=True)
+class _Done:
+    """One settled stage: its report, and its outputs with their digests where they are known."""
+
+    report: StageReport
+    outputs: Mapping[Ref, np.ndarray]
+    digests: Mapping[Ref, str] = field(default_factory=dict)
+
+
+class _Run:
+    """The state of one run. Only the calling thread changes it; workers read."""
+
+    def __init__(self, plan: Plan, inputs: Mapping[str, np.ndarray], cache: Cache | None, observer: Observer) -> None:
+        self.plan = plan
+        self.cache = cache
+        self.observer = observer
+        self.outcome = Outcome()
+        self.values = {Ref(name): frozen(inputs[name]) for name in plan.inputs}
+        self.digests: dict[Ref, str] = {}
+        self.readers = Counter(ref for node in plan.nodes.values() for ref in node.sources.values())
+        self.readers.update(plan.targets)
+        self.missing: dict[str, int] = {}
+        self.followers: dict[str, list[str]] = {name: [] for name in plan.nodes}
+        for name, node in plan.nodes.items():
+            feeders = {ref.node for ref in node.sources.values()} & plan.nodes.keys()
+            self.missing[name] = len(feeders)
+            for feeder in feeders:
+                self.followers[feeder].append(name)
+
+    def execute(self, workers: int) -> Outcome:
+        ready = deque(name for name, count in self.missing.items() if count == 0)
+        running: dict[str, Future[_Done]] = {}
+        ended: SimpleQueue[str] = SimpleQueue()
+        with _LazyPool(workers) as pool:
+            while ready or running:
+                while ready and len(running) < workers:
+                    name = ready.popleft()
+                    self.observer.started(name)
+                    if ready or running:
+                        running[name] = pool.submit(self._run_stage, self.plan.nodes[name])
+                        running[name].add_done_callback(lambda _, name=name: ended.put(name))
+                    else:  # alone: a hand-over to another thread would be the greater part of the cost
+                        ready.extend(self._settle(name, self._run_stage(self.plan.nodes[name])))
+                if running:
+                    name = ended.get()
+                    ready.extend(self._settle(name, running.pop(name).result()))
+        self.outcome.values = {ref: self.values[ref] for ref in self.plan.targets}
+        return self.outcome
+
+    def _run_stage(self, node: Node) -> _Done:
+        """Look up, skip or run one stage."""
+        started = time.perf_counter()
+        key = self._key(node)
+        if self.cache and (entry := self.cache.look_up(key)):
+            outputs = {ref: entry.arrays[ref.port] for ref in node.outputs}
+            digests = {ref: entry.digests[ref.port] for ref in node.outputs}
+            return _Done(self._report(node, "cached", started), outputs, digests)
+        ports = {port: self.values[ref] for port, ref in node.sources.items()}
+        arguments: dict[str, Any] = ports | dict(node.parameters)
+        try:
+            if reason := identity_reason(node, arguments):
+                passed = {node.outputs[0]: self.values[node.first_source]}
+                return _Done(self._report(node, "skipped", started, reason), passed)
+            if "rng" in node.contract.injected:
+                arguments["rng"] = random_generator(self.plan.graph.seed, node.name)
+            outputs = dict(_outputs(node, node.contract.function(**arguments)))
+        except Exception as error:
+            raise StageError(_describe_failure(node, ports, error)) from error
+        kept = self.cache.store(key, {ref.port: array for ref, array in outputs.items()}) if self.cache else {}
+        digests = {Ref(node.name, port): value for port, value in kept.items()}
+        return _Done(self._report(node, "ran", started), outputs, digests)
+
+    def _settle(self, name: str, done: _Done) -> list[str]:
+        """Take in what a stage gave, free what nobody reads any more; returns the stages that became ready."""
+        self.outcome.reports.append(done.report)
+        self.values.update(done.outputs)
+        self.digests.update(done.digests)
+        self.outcome.peak_bytes = max(self.outcome.peak_bytes, _live_bytes(self.values.values()))
+        self.observer.finished(done.report)
+        for ref, array in done.outputs.items():
+            self.observer.value(ref, array)
+        self.readers.subtract(self.plan.nodes[name].sources.values())
+        for ref in [ref for ref in self.values if self.readers[ref] <= 0]:
+            del self.values[ref]
+        for follower in self.followers[name]:
+            self.missing[follower] -= 1
+        return [follower for follower in self.followers[name] if self.missing[follower] == 0]
+
+    def _key(self, node: Node) -> str:
+        if self.cache is None:
+            return ""
+        for ref in node.sources.values():
+            if ref not in self.digests:
+                self.digests[ref] = digest(self.values[ref])
+        return cache_key(self.cache, self.plan, node, self.digests)
+
+    @staticmethod
+    def _report(node: Node, status: Status, started: float, reason: str = "") -> StageReport:
+        return StageReport(node.name, node.contract.name, status, reason, time.perf_counter() - started)
+
+
+def cache_key(cache: Cache, plan: Plan, node: Node, digests: Mapping[Ref, str]) -> str:
+    """Where the cache keeps the result of a node whose inputs have these digests."""
+    inputs = {port: digests[ref] for port, ref in node.sources.items()}
+    return cache.key(node, inputs, plan.graph.seed if node.contract.injected else None)
+
+
+def identity_reason(node: Node, arguments: Mapping[str, Any]) -> str | None:
+    """Why the stage would return its first port unchanged, or None."""
+    condition = node.contract.mark.identity_when
+    if condition is None:
+        return None
+    return condition(**{name: arguments.get(name) for name in node.contract.condition_arguments})
+
+
+def _outputs(node: Node, returned: Any) -> list[tuple[Ref, np.ndarray]]:
+    values = returned if len(node.outputs) > 1 else (returned,)
+    outputs = []
+    for ref, port, value in zip(node.outputs, node.contract.outputs, values, strict=True):
+        array = np.asarray(value)
+        if misfit := port.kind.misfit(array):
+            raise TypeError(f"it returned, for {ref}, {misfit}; this is a fault of the stage, not of the pipeline")
+        outputs.append((ref, frozen(array)))
+    return outputs
+
+
+def _live_bytes(values: Iterable[np.ndarray]) -> int:
+    """Memory of arrays, each counted once though several names may share it."""
+    return sum({array.__array_interface__["data"][0]: array.nbytes for array in values}.values())
+
+
+def _describe_failure(node: Node, ports: Mapping[str, np.ndarray], error: Exception) -> str:
+    lines = [f'stage "{node.name}" ({node.contract.name}, {node.origin}) failed: {type(error).__name__}: {error}']
+    for name, array in ports.items():
+        port = node.contract.input(name)
+        lines.append(f"  {name}: {port.kind.name if port else ''} {describe(array)}")
+    settings = ", ".join(f"{key}={value!r}" for key, value in node.parameters.items())
+    lines.append(f"  with {settings or 'no parameters'}")
+    lines.append("  Change the stage or its inputs; with --cache DIR the stages before it need not run again.")
+    return "\n".join(lines)
+
+
+def describe(array: np.ndarray) -> str:
+    """Shape, dtype and range of an array, never its contents."""
+    text = f"shape {array.shape} {array.dtype}"
+    if array.dtype == np.bool_ or not array.size:
+        return text
+    finite = array[np.isfinite(array)]
+    if finite.size:
+        text += f", {finite.min():.4g} … {finite.max():.4g}"
+    if unknown := int(np.isnan(array).sum()):
+        text += f", {unknown} NaN"
+    if infinite := int(np.isinf(array).sum()):
+        text += f", {infinite} inf"
+    return text
+
+
+class _LazyPool:
+    """A thread pool that starts no thread before it is needed."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self.pool: ThreadPoolExecutor | None = None
+
+    def __enter__(self) -> _LazyPool:
+        return self
+
+    def submit(self, function: Any, *arguments: Any) -> Any:
+        if self.pool is None:
+            self.pool = ThreadPoolExecutor(self.workers, thread_name_prefix="fogpipe-stage")
+        return self.pool.submit(function, *arguments)
+
+    def __exit__(self, *_: object) -> None:
+        if self.pool:
+            self.pool.shutdown(wait=True, cancel_futures=True)

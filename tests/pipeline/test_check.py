@@ -1,0 +1,209 @@
+"""Every problem of a pipeline in one pass, each with its place and what to do."""
+
+from __future__ import annotations
+
+from textwrap import dedent
+
+import pytest
+
+from fogpipe.errors import PipelineError, Problem
+from fogpipe.pipeline.check import check
+from fogpipe.pipeline.graph import Ref
+from fogpipe.pipeline.spec import read_spec, spec_from_data
+
+GOOD = """\
+fogpipe: 1
+inputs: {image: Image, range_map: Range}
+params: {beta: 0.2}
+stages:
+  filled: {use: toy.fill, in: {range_map: range_map}}
+  parts: {use: toy.split, in: {range_map: filled}}
+  t: {use: toy.transmission, in: {range_map: filled}, with: {extinction: $beta}}
+  foggy: {use: toy.paint, in: {image: image, transmission: t}}
+outputs: {foggy: foggy, far: parts.far}
+"""
+
+
+def problems(registry, text: str, **overrides) -> list[Problem]:
+    with pytest.raises(PipelineError) as caught:
+        check(read_spec(dedent(text), "test.yaml", overrides), registry)
+    return list(caught.value.problems)
+
+
+def only(registry, text: str, **overrides) -> Problem:
+    found = problems(registry, text, **overrides)
+    assert len(found) == 1, found
+    return found[0]
+
+
+def test_a_good_pipeline_becomes_a_graph(registry):
+    graph = check(read_spec(GOOD, "test.yaml"), registry)
+    assert list(graph.nodes) == ["filled", "parts", "t", "foggy"]
+    assert graph.nodes["t"].parameters["extinction"] == 0.2
+    assert graph.outputs == {"foggy": Ref("foggy"), "far": Ref("parts", "far")}
+    assert graph.kind(Ref("parts", "far")).name == "Mask"
+
+
+def test_the_order_of_the_file_does_not_matter(registry):
+    lines = GOOD.splitlines()
+    lines[4:8] = reversed(lines[4:8])
+    graph = check(read_spec("\n".join(lines), "test.yaml"), registry)
+    assert list(graph.nodes).index("filled") < list(graph.nodes).index("t") < list(graph.nodes).index("foggy")
+
+
+def test_tolerance_comes_from_the_pipeline_unless_given(registry):
+    assert check(read_spec(GOOD + "tolerance: 0.01\n", "t"), registry).nodes["foggy"].parameters["tolerance"] == 0.01
+    given = GOOD.replace("transmission: t}}", "transmission: t}, with: {tolerance: 0.3}}")
+    assert check(read_spec(given, "t"), registry).nodes["foggy"].parameters["tolerance"] == 0.3
+
+
+def test_overrides_replace_parameters_of_stages_and_of_the_pipeline(registry):
+    graph = check(read_spec(GOOD, "t", {"beta": 0.5, "filled.value": 9}), registry)
+    assert graph.nodes["t"].parameters["extinction"] == 0.5
+    assert graph.nodes["filled"].parameters["value"] == 9
+
+
+def test_a_resolved_graph_reads_back_as_the_same_graph(registry):
+    graph = check(read_spec(GOOD, "t"), registry)
+    again = check(spec_from_data(graph.resolved(), "t"), registry)
+    assert again.resolved() == graph.resolved()
+    assert again == graph
+
+
+def test_unknown_stage(registry):
+    problem = only(registry, GOOD.replace("toy.fill", "toy.fil"))
+    assert (problem.line, problem.column, problem.where) == (5, 12, "stages.filled.use")
+    assert 'Did you mean "toy.fill"' in problem.what
+
+
+def test_unknown_parameter(registry):
+    problem = only(registry, GOOD.replace("extinction: $beta", "extinctoin: $beta"))
+    assert (problem.line, problem.where) == (7, "stages.t.with.extinctoin")
+    assert 'Did you mean "extinction"' in problem.what
+
+
+def test_unknown_port(registry):
+    found = problems(registry, GOOD.replace("{image: image,", "{imge: image,"))
+    assert any('Did you mean "image"' in p.what and p.where == "stages.foggy.in.imge" for p in found)
+
+
+def test_wrong_kind_names_both_kinds_and_what_would_fit(registry):
+    problem = only(
+        registry, GOOD.replace("transmission: t}}", "transmission: filled}}").replace("outputs: {", "outputs: {t: t, ")
+    )
+    assert (problem.line, problem.column, problem.where) == (8, 46, "stages.foggy.in.transmission")
+    assert problem.what == 'takes Transmission, but "filled" is a Range.\nPorts here that give Transmission: t.'
+
+
+def test_missing_port(registry):
+    found = problems(registry, GOOD.replace("in: {image: image, transmission: t}", "in: {image: image}"))
+    assert any(p.where == "stages.foggy.in" and "needs transmission (Transmission)" in p.what for p in found)
+
+
+def test_parameter_out_of_range(registry):
+    problem = only(registry, GOOD.replace("$beta", "-1").replace("params: {beta: 0.2}\n", ""))
+    assert problem.where == "stages.t.with.extinction"
+    assert "greater than or equal to 0, not -1" in problem.what
+
+
+def test_parameter_of_wrong_type_and_unknown_choice(registry):
+    assert "valid number" in only(registry, GOOD, **{"t.extinction": "thick"}).what
+    assert "'exponential' or 'linear'" in only(registry, GOOD, **{"t.law": "cubic"}).what
+
+
+def test_a_problem_of_an_override_names_the_option(registry):
+    assert only(registry, GOOD, **{"t.extinction": -1}).where == "--set t.extinction"
+    assert 'no stage "tt"' in only(registry, GOOD, **{"tt.extinction": 1}).what
+    assert 'Did you mean "beta"' in only(registry, GOOD, bta=1).what
+
+
+def test_a_cycle_is_named(registry):
+    text = """\
+    fogpipe: 1
+    stages:
+      a: {use: toy.farther, in: {range_map: c}}
+      b: {use: toy.farther, in: {range_map: a}}
+      c: {use: toy.farther, in: {range_map: b}}
+    outputs: {c: c}
+    """
+    assert "a → b → c → a" in only(registry, text).what
+
+
+def test_a_stage_that_feeds_itself_is_a_cycle(registry):
+    text = "fogpipe: 1\nstages: {a: {use: toy.farther, in: {range_map: a}}}\noutputs: {a: a}\n"
+    assert "a → a" in only(registry, text).what
+
+
+def test_unused_stage_input_and_parameter(registry):
+    text = GOOD.replace("stages:", "  extra: Depth\nstages:").replace(
+        "inputs: {image: Image, range_map: Range}\nparams: {beta: 0.2}\n",
+        "params: {beta: 0.2, gamma: 1}\ninputs:\n  image: Image\n  range_map: Range\n",
+    )
+    text = text.replace("  t:", "  idle: {use: toy.farther, in: {range_map: filled}}\n  t:")
+    assert {p.where for p in problems(registry, text)} == {"stages.idle", "inputs.extra", "params.gamma"}
+
+
+def test_unknown_output_and_reference(registry):
+    assert 'Did you mean "foggy"' in only(registry, GOOD.replace("foggy: foggy,", "foggy: fogy,")).what
+    assert (
+        'Did you mean "filled"'
+        in only(registry, GOOD.replace("range_map: filled}, with", "range_map: filed}, with")).what
+    )
+
+
+def test_a_stage_with_several_outputs_must_be_referred_to_by_port(registry):
+    assert "parts.near or parts.far" in only(registry, GOOD.replace("parts.far", "parts")).what
+    assert 'Did you mean "parts.far"' in only(registry, GOOD.replace("parts.far", "parts.fr")).what
+    assert 'write "t"' in only(registry, GOOD.replace("transmission: t}", "transmission: t.t}")).what
+
+
+def test_a_parameter_under_in_and_a_port_under_with_are_explained(registry):
+    swapped = GOOD.replace("in: {range_map: filled}, with: {extinction: $beta}", "in: {range_map: filled, law: t}")
+    assert any("put its value under 'with'" in p.what for p in problems(registry, swapped))
+    swapped = GOOD.replace("with: {extinction: $beta}", "with: {extinction: $beta, density: 3}")
+    assert "under 'in'" in only(registry, swapped).what
+
+
+def test_unknown_kind_unknown_dollar_and_supplied_argument(registry):
+    assert 'no kind "Imag"' in only(registry, GOOD.replace("image: Image", "image: Imag")).what
+    found = problems(registry, GOOD.replace("$beta", "$bta"))
+    assert any('Did you mean "beta"' in p.what for p in found)
+    noisy = GOOD.replace(
+        "toy.paint, in: {image: image, transmission: t}", "toy.noise, in: {image: image}, with: {rng: 1}"
+    )
+    assert any("supplied by the runner" in p.what for p in problems(registry, noisy))
+
+
+def test_expectations_need_a_number_and_a_bound(registry):
+    text = GOOD.replace("outputs:", "  score: {use: toy.mean, in: {image: foggy}}\noutputs:")
+    good = check(read_spec(text + "expect: {score: '>= 0.5'}\n", "t"), registry)
+    assert str(good.expectations[0]) == "score >= 0.5"
+    assert "single number" in only(registry, GOOD + "expect: {foggy: '>= 1'}\n").what
+    assert "not a bound" in only(registry, text + "expect: {score: high}\n").what
+    assert "not a bound" not in only(registry, text + "expect: {scor: '> 1'}\n").what
+
+
+def test_form_faults_are_found_together_with_faults_of_the_graph(registry):
+    text = GOOD.replace("outputs:", "ouputs: {}\ncolor: blue\noutputs:").replace("toy.split", "toy.spilt")
+    found = problems(registry, text)
+    assert {p.where for p in found} == {"ouputs", "color", "stages.parts.use"}
+
+
+def test_a_stage_without_use_is_reported_once(registry):
+    found = problems(registry, GOOD.replace("use: toy.fill, ", ""))
+    assert [(p.where, p.what) for p in found] == [("stages.filled.use", "is missing.")]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "just text", "fogpipe: 1", "fogpipe: 2\nstages: {}\noutputs: {}", "a: [", "null"]
+)
+def test_what_is_no_pipeline_at_all_is_refused(registry, text: str):
+    assert problems(registry, text)
+
+
+def test_all_problems_are_reported_in_the_order_of_the_file_with_a_count(registry):
+    with pytest.raises(PipelineError) as caught:
+        check(read_spec(GOOD.replace("toy.split", "toy.spilt").replace("$beta", "-1"), "mine.yaml"), registry)
+    lines = str(caught.value).splitlines()
+    assert lines[0].startswith("mine.yaml:3:10  params.beta")
+    assert lines[-1] == "3 problems; nothing was run."
