@@ -9,7 +9,7 @@ import pytest
 from fogpipe.errors import InputError, UnknownStageError
 from fogpipe.registry import Registry
 
-from .conftest import BROKEN_STAGES, TOY_STAGES
+from tests.conftest import BROKEN_STAGES, TOY_STAGES
 
 
 def test_own_stages_come_from_entry_points():

@@ -18,6 +18,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,8 @@ from fogpipe.pipeline.graph import Node
 
 DEFAULT_LIMIT = 4 * 2**30
 _INDEX = "entry.json"
+_ABANDONED = 3600.0
+"""Seconds after which a half-written entry is taken to be left by a killed process."""
 
 
 def digest(array: np.ndarray) -> str:
@@ -126,6 +129,10 @@ class Cache:
             with contextlib.suppress(OSError):
                 size = sum(file.stat().st_size for file in folder.iterdir())
                 entries.append((folder.stat().st_mtime_ns, size, folder))
+        for left in self.folder.glob(".new-*"):  # by a process that was killed
+            with contextlib.suppress(OSError):
+                if time.time() - left.stat().st_mtime > _ABANDONED:
+                    shutil.rmtree(left, ignore_errors=True)
         total = sum(size for _, size, _ in entries)
         for _, size, folder in sorted(entries):
             if total <= self.limit:

@@ -111,7 +111,10 @@ def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
         if plan.graph.inputs[name].name == "Image":
             from fogpipe.io.images import picture_from_array
 
-            picture = picture_from_array(np.asarray(arrays[name]), color=plan.graph.color)  # type: ignore[arg-type]
+            try:
+                picture = picture_from_array(np.asarray(arrays[name]), color=plan.graph.color)  # type: ignore[arg-type]
+            except InputError as error:
+                raise InputError(f"input {name}: {error}") from error
             values[name], alpha = picture.pixels, picture.alpha
         else:
             values[name] = np.asarray(arrays[name])

@@ -6,7 +6,7 @@ import hashlib
 import os
 import time
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from queue import SimpleQueue
@@ -93,7 +93,11 @@ class _Run:
         self.cache = cache
         self.observer = observer
         self.outcome = Outcome()
-        self.values = {Ref(name): frozen(inputs[name]) for name in plan.inputs}
+        self.values: dict[Ref, np.ndarray] = {}
+        self.holders: Counter[int] = Counter()
+        self.live_bytes = 0
+        for name in plan.inputs:
+            self._hold(Ref(name), frozen(inputs[name]))
         self.digests: dict[Ref, str] = {}
         self.readers = Counter(ref for node in plan.nodes.values() for ref in node.sources.values())
         self.readers.update(plan.targets)
@@ -151,18 +155,32 @@ class _Run:
     def _settle(self, name: str, done: _Done) -> list[str]:
         """Take in what a stage gave, free what nobody reads any more; returns the stages that became ready."""
         self.outcome.reports.append(done.report)
-        self.values.update(done.outputs)
-        self.digests.update(done.digests)
-        self.outcome.peak_bytes = max(self.outcome.peak_bytes, _live_bytes(self.values.values()))
         self.observer.finished(done.report)
+        self.digests.update(done.digests)
         for ref, array in done.outputs.items():
+            self._hold(ref, array)
             self.observer.value(ref, array)
-        self.readers.subtract(self.plan.nodes[name].sources.values())
-        for ref in [ref for ref in self.values if self.readers[ref] <= 0]:
-            del self.values[ref]
+        self.outcome.peak_bytes = max(self.outcome.peak_bytes, self.live_bytes)
+        sources = self.plan.nodes[name].sources.values()
+        self.readers.subtract(sources)
+        for ref in {*sources, *done.outputs}:
+            if self.readers[ref] <= 0:
+                self._release(ref)
         for follower in self.followers[name]:
             self.missing[follower] -= 1
         return [follower for follower in self.followers[name] if self.missing[follower] == 0]
+
+    def _hold(self, ref: Ref, array: np.ndarray) -> None:
+        self.values[ref] = array
+        self.holders[_buffer(array)] += 1
+        if self.holders[_buffer(array)] == 1:
+            self.live_bytes += array.nbytes
+
+    def _release(self, ref: Ref) -> None:
+        array = self.values.pop(ref)
+        self.holders[_buffer(array)] -= 1
+        if self.holders[_buffer(array)] == 0:
+            self.live_bytes -= array.nbytes
 
     def _key(self, node: Node) -> str:
         if self.cache is None:
@@ -202,9 +220,9 @@ def _outputs(node: Node, returned: Any) -> list[tuple[Ref, np.ndarray]]:
     return outputs
 
 
-def _live_bytes(values: Iterable[np.ndarray]) -> int:
-    """Memory of arrays, each counted once though several names may share it."""
-    return sum({array.__array_interface__["data"][0]: array.nbytes for array in values}.values())
+def _buffer(array: np.ndarray) -> int:
+    """Where the memory of an array begins: several names may share it, when stages were skipped."""
+    return array.__array_interface__["data"][0]
 
 
 def _describe_failure(node: Node, ports: Mapping[str, np.ndarray], error: Exception) -> str:
