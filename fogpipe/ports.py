@@ -72,8 +72,11 @@ class Kind:
         return None
 
     def bad_values(self, array: np.ndarray) -> str | None:
-        """Why the values of ``array`` are not admissible, or None. O(size)."""
+        """Why the values of ``array`` are not admissible, or None. Two passes when all is well, O(size)."""
         if self.dtype == "bool":
+            return None
+        least, most = array.min(), array.max()  # NaN where there is one
+        if np.isfinite(least) and np.isfinite(most) and self.low <= least and most <= self.high:
             return None
         for code, test, meaning in (("NaN", np.isnan, self.nan), ("inf", np.isposinf, self.infinity)):
             if meaning is None and (count := int(np.count_nonzero(test(array)))):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import keyword
 import re
-import shutil
+import shlex
 import tempfile
 from pathlib import Path
 from typing import Annotated
@@ -14,23 +15,34 @@ from fogpipe.errors import OutputError, RequestError
 
 _PROJECT = """\
 [build-system]
-requires = ["hatchling"]
+requires = ["hatchling>=1.25"]
 build-backend = "hatchling.build"
 
 [project]
 name = "fogpipe-{name}"
 version = "0.1.0"
 description = "Stages of the subject {subject} for fogpipe."
+readme = "README.md"
 requires-python = ">=3.11"
-dependencies = ["fogpipe", "numpy"]
+dependencies = ["fogpipe>=0.1", "numpy>=2.0", "annotated-types>=0.7"]
 
 [project.optional-dependencies]
-test = ["pytest"]
+test = ["pytest>=8.3"]
 
 # The subject (the part of a stage name before the dot) and the module that holds its stages.
 [project.entry-points."fogpipe.stages"]
-{subject} = "fogpipe_{subject}"
+{subject} = "fogpipe_{subject}.{subject}"
+
+[tool.pytest.ini_options]
+testpaths = ["tests"]
+
+[tool.ruff]
+line-length = 120
 """
+
+_PACKAGE = '''\
+"""Stages for fogpipe; they are in :mod:`fogpipe_{subject}.{subject}`."""
+'''
 
 _MODULE = '''\
 """Stages of the subject {subject}."""
@@ -41,7 +53,6 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
-
 from fogpipe.ports import Image
 from fogpipe.stage import stage
 
@@ -52,7 +63,7 @@ def fade(image: Image, *, amount: Annotated[float, Ge(0), Le(1)] = 0.5) -> Image
 
     Parameters
     ----------
-    image : (H, W, 3) colours in the working space.
+    image : (H, W, 3) float, colours in the working space.
     amount : 0 leaves the image as it is, 1 leaves nothing but the mean.
 
     Returns
@@ -63,11 +74,13 @@ def fade(image: Image, *, amount: Annotated[float, Ge(0), Le(1)] = 0.5) -> Image
     return (1 - amount) * image + amount * np.broadcast_to(mean, image.shape)
 '''
 
-_TEST = """\
+_TEST = '''\
+"""The stages of the subject {subject}."""
+
 import numpy as np
 from fogpipe.testing import check_stage
 
-from fogpipe_{subject} import fade
+from fogpipe_{subject}.{subject} import fade
 
 
 def test_fade_keeps_the_promises_of_a_stage():
@@ -76,9 +89,9 @@ def test_fade_keeps_the_promises_of_a_stage():
 
 def test_fade_by_one_leaves_the_mean_colour():
     image = np.arange(24, dtype=np.float32).reshape(2, 4, 3)
-    # The mean of 8 float32 values is exact to a few units in the last place.
-    np.testing.assert_allclose(fade(image, amount=1.0), np.broadcast_to(image.mean((0, 1)), image.shape), rtol=1e-6)
-"""
+    # Sums of 8 whole numbers and their division by 8 are exact in float32.
+    np.testing.assert_array_equal(fade(image, amount=1.0), np.broadcast_to(image.mean((0, 1)), image.shape))
+'''
 
 _README = """\
 # fogpipe-{name}
@@ -95,27 +108,36 @@ def command(
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="DIR", help="Folder for the package.")] = None,
 ) -> None:
     """Write a small installable package with one stage and a passing test."""
+    name = name.removeprefix("fogpipe-")
+    subject = name.replace("-", "_")
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
         raise RequestError(f'new-plugin {name}: use small letters, digits and single hyphens, such as "frost".')
+    if keyword.iskeyword(subject):
+        raise RequestError(f"new-plugin {name}: is a word of Python and cannot name a module; use another one.")
     folder = out or Path(f"fogpipe-{name}")
     if folder.exists():
         raise RequestError(f"{folder} exists; name another folder with -o, nothing was written.")
-    words = {"name": name, "subject": name.replace("-", "_")}
+    _write(folder, name, subject)
+    quoted = shlex.quote(str(folder))
+    typer.echo(f"wrote {folder}; next: pip install -e {quoted}'[test]' && pytest {quoted}", err=True)
+
+
+def _write(folder: Path, name: str, subject: str) -> None:
+    """Write the package beside its place and move it there, so that half of one never appears."""
     files = {
         "pyproject.toml": _PROJECT,
         "README.md": _README,
-        f"fogpipe_{words['subject']}.py": _MODULE,
-        f"tests/test_{words['subject']}.py": _TEST,
+        f"fogpipe_{subject}/__init__.py": _PACKAGE,
+        f"fogpipe_{subject}/{subject}.py": _MODULE,
+        f"tests/test_{subject}.py": _TEST,
     }
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        # Written beside its place and moved there, so that half a package never appears.
-        draft = Path(tempfile.mkdtemp(dir=folder.parent, prefix=".new-"))
-        for path, text in files.items():
-            (draft / path).parent.mkdir(exist_ok=True)
-            (draft / path).write_text(text.format(**words), encoding="utf-8")
-        draft.chmod(0o755)
-        shutil.move(draft, folder)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".new-") as temporary:
+            draft = Path(temporary) / "package"
+            for path, text in files.items():
+                (draft / path).parent.mkdir(parents=True, exist_ok=True)
+                (draft / path).write_text(text.format(name=name, subject=subject), encoding="utf-8")
+            draft.rename(folder)
     except OSError as error:
-        raise OutputError(f"cannot write {folder}: {error.strerror}.") from error
-    typer.echo(f"wrote {folder}; next: pip install -e '{folder}[test]' && pytest {folder}", err=True)
+        raise OutputError(f"{folder} cannot be written: {error.strerror}. Name another folder with -o.") from error

@@ -31,7 +31,7 @@ class StageReport:
 
 
 class Observer:
-    """Hears of a run's events, from one thread; every method may be left as it is."""
+    """Hears of a run's events, one at a time; every method may be left as it is."""
 
     def started(self, name: str) -> None:
         """A stage starts."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 import time
 from collections import Counter, deque
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -86,7 +85,7 @@ class _Done:
 
 
 class _Run:
-    """The state of one run. Only the calling thread changes it; workers read."""
+    """The state of one run. Every worker thread takes a ready stage, runs it, and settles what it gave."""
 
     def __init__(self, plan: Plan, inputs: Mapping[str, np.ndarray], cache: Cache | None, observer: Observer) -> None:
         self.plan = plan
@@ -108,26 +107,59 @@ class _Run:
             self.missing[name] = len(feeders)
             for feeder in feeders:
                 self.followers[feeder].append(name)
+        self.ready = deque(name for name, count in self.missing.items() if count == 0)
+        self.running = 0
+        self.failure: BaseException | None = None
+        self.changed = threading.Condition()
+        self.helpers: list[threading.Thread] = []
 
     def execute(self, workers: int) -> Outcome:
-        ready = deque(name for name, count in self.missing.items() if count == 0)
-        running: dict[str, Future[_Done]] = {}
-        ended: SimpleQueue[str] = SimpleQueue()
-        with _LazyPool(workers) as pool:
-            while ready or running:
-                while ready and len(running) < workers:
-                    name = ready.popleft()
-                    self.observer.started(name)
-                    if ready or running:
-                        running[name] = pool.submit(self._run_stage, self.plan.nodes[name])
-                        running[name].add_done_callback(lambda _, name=name: ended.put(name))
-                    else:  # alone: a hand-over to another thread would be the greater part of the cost
-                        ready.extend(self._settle(name, self._run_stage(self.plan.nodes[name])))
-                if running:
-                    name = ended.get()
-                    ready.extend(self._settle(name, running.pop(name).result()))
+        try:
+            self._work(workers)
+        except BaseException as error:  # an interrupt, too, must not leave helpers waiting
+            self._fail(error)
+        for helper in self.helpers:
+            helper.join()
+        if self.failure:
+            raise self.failure
         self.outcome.values = {ref: self.values[ref] for ref in self.plan.targets}
         return self.outcome
+
+    def _work(self, workers: int) -> None:
+        done: _Done | None = None
+        while True:
+            with self.changed:
+                if done:
+                    self._settle(done)
+                name = self._next(workers)
+            if name is None:
+                return
+            done = self._run_stage(self.plan.nodes[name])
+
+    def _help(self, workers: int) -> None:
+        try:
+            self._work(workers)
+        except BaseException as error:
+            self._fail(error)
+
+    def _fail(self, error: BaseException) -> None:
+        with self.changed:
+            self.failure = self.failure or error
+            self.changed.notify_all()
+
+    def _next(self, workers: int) -> str | None:
+        """A stage to run; waits for one while others run. None when all is done or something failed."""
+        while not self.ready and self.running and not self.failure:
+            self.changed.wait()
+        if self.failure or not self.ready:
+            return None
+        name = self.ready.popleft()
+        self.running += 1
+        self.observer.started(name)
+        if self.ready and len(self.helpers) < workers - 1:
+            self.helpers.append(threading.Thread(target=self._help, args=(workers,), name="fogpipe-stage"))
+            self.helpers[-1].start()
+        return name
 
     def _run_stage(self, node: Node) -> _Done:
         """Look up, skip or run one stage."""
@@ -152,8 +184,9 @@ class _Run:
         digests = {Ref(node.name, port): value for port, value in kept.items()}
         return _Done(self._report(node, "ran", started), outputs, digests)
 
-    def _settle(self, name: str, done: _Done) -> list[str]:
-        """Take in what a stage gave, free what nobody reads any more; returns the stages that became ready."""
+    def _settle(self, done: _Done) -> None:
+        """Take in what a stage gave, free what nobody reads any more, and see which stages became ready."""
+        name = done.report.name
         self.outcome.reports.append(done.report)
         self.observer.finished(done.report)
         self.digests.update(done.digests)
@@ -168,7 +201,12 @@ class _Run:
                 self._release(ref)
         for follower in self.followers[name]:
             self.missing[follower] -= 1
-        return [follower for follower in self.followers[name] if self.missing[follower] == 0]
+            if self.missing[follower] == 0:
+                self.ready.append(follower)
+        self.running -= 1
+        # This thread takes the next stage itself: to wake another for it would cost more than most stages.
+        if len(self.ready) > 1 or not (self.ready or self.running):
+            self.changed.notify_all()
 
     def _hold(self, ref: Ref, array: np.ndarray) -> None:
         self.values[ref] = array
@@ -249,23 +287,3 @@ def describe(array: np.ndarray) -> str:
     if infinite := int(np.isinf(array).sum()):
         text += f", {infinite} inf"
     return text
-
-
-class _LazyPool:
-    """A thread pool that starts no thread before it is needed."""
-
-    def __init__(self, workers: int) -> None:
-        self.workers = workers
-        self.pool: ThreadPoolExecutor | None = None
-
-    def __enter__(self) -> _LazyPool:
-        return self
-
-    def submit(self, function: Any, *arguments: Any) -> Any:
-        if self.pool is None:
-            self.pool = ThreadPoolExecutor(self.workers, thread_name_prefix="fogpipe-stage")
-        return self.pool.submit(function, *arguments)
-
-    def __exit__(self, *_: object) -> None:
-        if self.pool:
-            self.pool.shutdown(wait=True, cancel_futures=True)
