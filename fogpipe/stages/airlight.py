@@ -1,0 +1,99 @@
+"""Airlight: the colour that the medium itself has, seen against infinity."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from fogpipe.kernels.arrays import FloatArray, floats, require_maps
+from fogpipe.ports import Airlight, Image, Mask, Unit
+from fogpipe.stage import stage
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Weights of linear red, green and blue in luminance (ITU-R BT.709)."""
+
+
+@stage("airlight.estimate")
+def estimate(
+    image: Image,
+    sky: Mask | None = None,
+    *,
+    source: Literal["auto", "given", "sky", "brightest"] = "auto",
+    colour: tuple[Annotated[float, Ge(0)], Annotated[float, Ge(0)], Annotated[float, Ge(0)]] | None = None,
+    horizon: Annotated[float, Gt(0), Le(1)] = 0.25,
+    share: Annotated[float, Gt(0), Le(1)] = 0.001,
+    patch: Annotated[int, Ge(1), Unit("px")] = 15,
+) -> Airlight:
+    """One colour for the airlight of the whole image.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, linear light.
+    sky : (H, W) bool, optional.
+    source : ``"given"``: ``colour``. ``"sky"``: the median colour of the sky near the horizon, which a sun or dark
+        branches in the mask do not move. ``"brightest"``: the median colour of the brightest patches.
+        ``"auto"``: given if there is a colour, else the sky if there is any, else the brightest patches.
+    colour : (red, green, blue), linear light.
+    horizon : Share of the sky that is used, from its lowest pixel up. A far object fades into the sky at the horizon,
+        which is paler than the zenith; 1 takes the whole sky.
+    share : Brightest share of all patches that is used; at least one is.
+    patch : Side of the square patches. A patch is as bright as its darkest pixel, so a lamp or highlight that does
+        not fill a patch does not count, however bright it is. A larger one does.
+
+    Returns
+    -------
+    (3,) float32, or float64 for a float64 image; 0 or more, never NaN.
+
+    Raises
+    ------
+    ValueError
+        If the source is ``"given"`` without a colour or ``"sky"`` without any sky, if a colour is negative or not
+        finite, or if the pixels to take the median of are not finite.
+
+    Notes
+    -----
+    About 5 ns per pixel for the brightest patches, 30 ns per sky pixel for the sky.
+
+    Deviates from the paper, which takes the airlight from sky regions and leaves open how.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, section 2.1. The darkest pixel of a patch as its
+    brightness follows the dark channel of He, Sun and Tang 2009.
+    """
+    require_maps(image=(image, 3), **({} if sky is None else {"sky": (sky, 1)}))
+    (image,) = floats(image)
+    has_sky = sky is not None and bool(sky.any())
+    if source == "auto":
+        source = "given" if colour is not None else "sky" if has_sky else "brightest"
+    if source == "given":
+        if colour is None:
+            raise ValueError('source "given" needs a colour: set colour to (red, green, blue).')
+        airlight = np.array(colour, image.dtype)
+    elif source == "sky":
+        if sky is None or not has_sky:
+            raise ValueError('source "sky" needs a sky, and this scene has none: use "auto" or "brightest".')
+        sky_pixels = image[sky]  # in raster order: the last are the lowest
+        airlight = np.median(sky_pixels[-max(1, round(horizon * len(sky_pixels))) :], axis=0)
+    else:
+        airlight = np.median(_brightest_patches(image, share, patch), axis=0)
+    if airlight.shape != (3,) or not np.isfinite(airlight).all() or (source == "given" and airlight.min() < 0):
+        raise ValueError(f"the airlight ({source}) must be three finite numbers of 0 or more, not {airlight}.")
+    return np.maximum(airlight, 0)
+
+
+def _brightest_patches(image: FloatArray, share: float, patch: int) -> FloatArray:
+    """All pixels, (count, 3), of the patches whose darkest pixel is brightest."""
+    height, width, _ = image.shape
+    rows, columns = np.arange(0, height, patch), np.arange(0, width, patch)
+    luminance = image @ np.array(LUMINANCE, image.dtype)
+    darkest = np.minimum.reduceat(np.minimum.reduceat(luminance, rows, axis=0), columns, axis=1)
+    count = max(1, round(share * darkest.size))
+    brightest = np.argpartition(darkest, -count, axis=None)[-count:]
+    pieces = [
+        image[y : y + patch, x : x + patch].reshape(-1, 3)
+        for y, x in zip(rows[brightest // columns.size], columns[brightest % columns.size], strict=True)
+    ]
+    return np.concatenate(pieces)

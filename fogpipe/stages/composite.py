@@ -1,0 +1,143 @@
+"""Composites of a scene with the light that the medium scatters towards the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fogpipe.kernels.arrays import floats, require_maps
+from fogpipe.ports import Airlight, Image, Layer, Transmission
+from fogpipe.stage import stage
+
+
+@stage("composite.attenuate")
+def attenuate(image: Image, transmission: Transmission) -> Layer:
+    """Image seen through the medium, as premultiplied colour and opacity, F = t·(E, 1).
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, E, linear light.
+    transmission : (H, W) float, t in [0, 1]. Where it is unknown (NaN) so is the layer.
+
+    Returns
+    -------
+    (H, W, 4) float32, or float64 for a float64 image. The opacity is t.
+
+    Notes
+    -----
+    One pass, about 0.8 ns per pixel on two cores.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, eq. 2.
+    """
+    from fogpipe.kernels import compositing
+
+    return compositing.attenuate(image, transmission)
+
+
+@stage("composite.over_airlight")
+def over_airlight(layer: Layer, airlight: Airlight) -> Image:
+    """Layer in front of the airlight, J = F + (1 − a)·B.
+
+    Parameters
+    ----------
+    layer : (H, W, 4) float, F with opacity a, which may have been blurred since it was attenuated.
+    airlight : (3,) or (H, W, 3) float, B, linear light.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 layer.
+
+    Notes
+    -----
+    One pass, about 0.7 ns per pixel on two cores; 1 ns with an airlight that varies.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, eq. 4.
+    """
+    from fogpipe.kernels import compositing
+
+    return compositing.over(layer, airlight)
+
+
+@stage("composite.add")
+def add(layer: Layer, other: Layer) -> Layer:
+    """Sum of two layers, for light that arrives by two ways: sharp and direct, blurred and scattered.
+
+    Parameters
+    ----------
+    layer, other : (H, W, 4) float, premultiplied. Their opacities are shares of the same light: where they
+        add up to more than 1, the composite would take airlight away.
+
+    Returns
+    -------
+    (H, W, 4) float32, or float64 for a float64 layer.
+    """
+    require_maps(layer=(layer, 4), other=(other, 4))
+    layer, other = floats(layer, other)
+    return layer + other
+
+
+@stage("composite.opaque")
+def opaque(image: Image) -> Layer:
+    """Image as a layer of opacity 1, to be blurred for :func:`naive`.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float.
+
+    Returns
+    -------
+    (H, W, 4) float32, or float64 for a float64 image.
+    """
+    require_maps(image=(image, 3))
+    return attenuate(image, np.ones(image.shape[:2], np.float32))
+
+
+@stage("composite.colour")
+def colour(layer: Layer) -> Image:
+    """Colour of a layer without its opacity, the inverse of :func:`attenuate`.
+
+    Parameters
+    ----------
+    layer : (H, W, 4) float, premultiplied.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 layer; 0 where the opacity is 0 and the colour lost.
+    """
+    require_maps(layer=(layer, 4))
+    (layer,) = floats(layer)
+    premultiplied, opacity = layer[..., :3], layer[..., 3:]
+    return np.divide(premultiplied, opacity, out=np.zeros_like(premultiplied), where=opacity != 0)
+
+
+@stage("composite.naive")
+def naive(image: Image, transmission: Transmission, airlight: Airlight) -> Image:
+    """Composite of an image that is not premultiplied, J = t·E + (1 − t)·B.
+
+    Right for a sharp image, which it saves a pass. For a blurred one it is the composite that the paper warns of,
+    here for comparison: E has lost the detail that t still has, and edges of the range show as ghosts in the haze.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, E, linear light.
+    transmission : (H, W) float, t in [0, 1]. Where it is unknown (NaN) so is the result.
+    airlight : (3,) or (H, W, 3) float, B, linear light.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image.
+
+    Notes
+    -----
+    One pass, about 0.7 ns per pixel on two cores.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, section 2.1.
+    """
+    from fogpipe.kernels import compositing
+
+    return compositing.blend(image, transmission, airlight)

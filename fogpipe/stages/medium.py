@@ -1,0 +1,153 @@
+"""The medium: how much light it takes out of the line of sight, and how much arrives."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from fogpipe.kernels.arrays import floats, require_maps, require_nonnegative
+from fogpipe.ports import Coefficient, Density, Length, Range, Transmission, Unit
+from fogpipe.stage import stage
+
+Threshold = Literal["wmo-5%", "koschmieder-2%"]
+"""The contrast at which something counts as just visible.
+
+``"wmo-5%"`` is the meteorological optical range of the World Meteorological Organization, β V = 2.996;
+``"koschmieder-2%"`` is Koschmieder's visual range, β V = 3.912.
+"""
+
+_CONTRAST: dict[str, float] = {"wmo-5%": 0.05, "koschmieder-2%": 0.02}
+
+
+class Medium(NamedTuple):
+    """Coefficients of a homogeneous medium, per metre; the extinction is the sum of the other two."""
+
+    absorption: Coefficient
+    scattering: Coefficient
+    extinction: Coefficient
+
+
+def extinction_from_visibility(visibility: float, threshold: Threshold = "wmo-5%") -> float:
+    """Extinction β (1/m) of a medium with the visibility V (m): β = −ln(contrast) / V, exactly.
+
+    An infinite visibility is an extinction of 0. Raises ValueError if V is not above 0.
+    """
+    if not visibility > 0:
+        raise ValueError(f"visibility must be above 0 m, not {visibility:g}.")
+    return -math.log(_CONTRAST[threshold]) / visibility
+
+
+def visibility_from_extinction(extinction: float, threshold: Threshold = "wmo-5%") -> float:
+    """Visibility V (m) in a medium of the extinction β (1/m); infinite at 0. The inverse of the above."""
+    if not extinction >= 0:
+        raise ValueError(f"extinction must be 0 or more per metre, not {extinction:g}.")
+    return -math.log(_CONTRAST[threshold]) / extinction if extinction else math.inf
+
+
+@stage("medium.fog")
+def fog(
+    farthest: Length,
+    *,
+    optical_thickness: Annotated[float, Ge(0)] = 1.0,
+    visibility: Annotated[float, Gt(0), Unit("m")] | None = None,
+    extinction: Annotated[float, Ge(0), Unit("1/m")] | None = None,
+    threshold: Threshold = "wmo-5%",
+    albedo: Annotated[float, Ge(0), Le(1)] = 1.0,
+) -> Medium:
+    r"""A homogeneous medium: how dense it is, said in one of three ways, and how much of it scatters.
+
+    Parameters
+    ----------
+    farthest : Largest measured range of the scene Rmax, metres. Only the optical thickness needs it.
+    optical_thickness : β Rmax, the extinction in the normalised units of the paper, κa' + κs'. At 1 the farthest
+        point keeps 37 % of its contrast, whatever the size of the scene. Used when neither ``visibility``
+        nor ``extinction`` is given.
+    visibility : Distance at which contrast falls to the threshold, metres; infinite for clear air.
+    extinction : β, per metre.
+    threshold : The contrast that ``visibility`` refers to.
+    albedo : Single-scattering albedo κs / (κa + κs). Water droplets only scatter, 1; smoke may be near 0.3.
+
+    Returns
+    -------
+    absorption, scattering, extinction : κa, κs and β = κa + κs, numbers per metre.
+
+    Raises
+    ------
+    ValueError
+        If both ``visibility`` and ``extinction`` are given, or if the optical thickness has no distance to
+        refer to, because nothing in the scene has a measured range, or none above 0.
+
+    Notes
+    -----
+    The examples of the paper, (κa', κs') = (.25, 0), (0, .25) and (.25, .25), are an optical thickness of .25, .25
+    and .5 with an albedo of 0, 1 and .5.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, sections 2.1 and 5.1; WMO-No. 8, chapter 9.
+    """
+    if visibility is not None and extinction is not None:
+        raise ValueError("give visibility or extinction, not both: each of them fixes the other.")
+    if visibility is not None:
+        extinction = extinction_from_visibility(visibility, threshold)
+    elif extinction is None:
+        extinction = _extinction_from_thickness(optical_thickness, float(farthest))
+    scattering = albedo * extinction
+    return Medium(np.array(extinction - scattering), np.array(scattering), np.array(extinction, np.float64))
+
+
+def _extinction_from_thickness(optical_thickness: float, farthest: float) -> float:
+    if optical_thickness == 0:
+        return 0.0
+    if not farthest > 0:
+        raise ValueError(
+            "an optical thickness refers to the farthest measured point, and no point of this scene has a"
+            " measured range above 0: set visibility (m) or extinction (1/m) instead."
+        )
+    return optical_thickness / farthest
+
+
+@stage("medium.transmission")
+def transmission(range_map: Range, extinction: Coefficient, density: Density | None = None) -> Transmission:
+    r"""Transmission of a medium, the share of light that arrives unscattered, :math:`t = e^{-\beta \rho R}`.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, metres. NaN where unknown, +inf for sky.
+    extinction : β, one number per metre.
+    density : (H, W) float, optional. Density ρ of the medium along the ray of each pixel, relative to its mean.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 range, in [0, 1]. An unknown range gives NaN. The sky gives 0, or
+    1 where there is no medium (β ρ = 0).
+
+    Raises
+    ------
+    ValueError
+        If a range or density is negative, the extinction is negative or NaN, or the sizes differ.
+
+    Notes
+    -----
+    At the speed of memory: 0.8 ns per pixel and one temporary array.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, eq. 1, with β = κa + κs.
+    """
+    maps = {"range_map": range_map} if density is None else {"range_map": range_map, "density": density}
+    require_maps(**{name: (array, 1) for name, array in maps.items()})
+    require_nonnegative(**maps)
+    if not extinction >= 0:
+        raise ValueError(f"extinction must be 0 or more per metre, not {extinction:g}.")
+    range_map, *rest = floats(*maps.values())
+    beta = range_map.dtype.type(min(extinction, np.finfo(range_map.dtype).max))
+    with np.errstate(over="ignore", invalid="ignore"):  # a depth too large for a number is as good as infinite
+        t = -(rest[0] * beta if rest else beta) * range_map
+    if rest or beta == 0:
+        t[np.isnan(t) & ~np.isnan(range_map)] = 0  # 0 · ∞: no medium, however far, or nothing in between
+    np.exp(t, out=t)
+    return t

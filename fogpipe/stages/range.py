@@ -1,0 +1,163 @@
+"""Range: the distance from the camera to what a pixel shows, along the ray of that pixel."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from fogpipe.kernels import regions
+from fogpipe.kernels.arrays import floats, require_maps
+from fogpipe.ports import Camera, Depth, Length, Mask, Range
+from fogpipe.stage import stage
+
+
+@stage("range.from_depth")
+def from_depth(depth: Depth, camera: Camera) -> Range:
+    """Range of each pixel from its planar depth, by the length of its ray.
+
+    Parameters
+    ----------
+    depth : (H, W) float, metres along the optical axis. NaN where unknown, +inf for sky.
+    camera : (3, 3) float, intrinsic matrix in pixels; the centre of the first pixel is (0, 0).
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 depth, metres. NaN and +inf stay.
+    """
+    from fogpipe.kernels.rays import planar_to_radial
+
+    return planar_to_radial(depth, camera)
+
+
+@stage("range.farthest")
+def farthest(range_map: Range, *, percentile: Annotated[float, Gt(0), Le(100)] = 100.0) -> Length:
+    """Largest measured range of the scene, the Rmax of Hansard 2019.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, metres. Unknown (NaN) and sky (+inf) do not count.
+    percentile : Share of the measured pixels, in percent, that lie no farther. Below 100 a few stray far
+        returns do not decide; the paper takes 100.
+
+    Returns
+    -------
+    One number, metres; NaN when nothing is measured.
+
+    Notes
+    -----
+    One pass at the speed of memory at 100, about 20 ns per pixel below.
+    """
+    # fmax ignores NaN, so most scenes need no copy of the measured pixels.
+    largest = np.fmax.reduce(range_map, axis=None)
+    if percentile == 100 and np.isfinite(largest):
+        return np.array(largest, np.float64)
+    measured = range_map[np.isfinite(range_map)]
+    return np.array(np.percentile(measured, percentile) if measured.size else np.nan, np.float64)
+
+
+def _no_holes(holes: Mask) -> str | None:
+    return None if holes.any() else "the range has no holes"
+
+
+@stage("range.fill_holes", identity_when=_no_holes)
+def fill_holes(
+    range_map: Range,
+    holes: Mask,
+    *,
+    rng: np.random.Generator,
+    samples: Annotated[int, Ge(1)] = 32,
+    jump: Annotated[float, Gt(0)] = 0.05,
+    largest: Annotated[float, Gt(0), Le(1)] = 0.5,
+) -> Range:
+    r"""Give each hole one range, the one that fits most of its boundary.
+
+    A hole is a connected region of ``holes``. Its boundary is the measured pixels that share an edge with it.
+    As in RANSAC, values drawn from the boundary are tried for the whole hole, and the one with the smallest
+    robust cost of the jumps across the boundary is kept,
+
+    .. math:: \min_v \sum_q \frac{d_q^2}{d_q^2 + (s v)^2}, \qquad d_q = R_q - v.
+
+    The cost of one jump is bounded (Geman and McClure), so a boundary between a near and a far surface
+    gives the range of the surface that has more of it, never a mean of the two.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, metres. NaN where unknown, +inf for sky.
+    holes : (H, W) bool. Only its unknown pixels are filled; a measured pixel never changes.
+    rng : Draws the values that are tried.
+    samples : Values tried for each hole.
+    jump : s, the jump that costs half of the most, as a share of the range that is tried.
+    largest : Share of the image above which a hole is refused, since one range cannot stand for it.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 range. Pixels outside the holes are the same to the last bit. A hole
+    that borders no measured pixel has nothing to be filled from and stays NaN.
+
+    Raises
+    ------
+    ValueError
+        If a hole is larger than ``largest``, as in a sparse range map (lidar), which is mostly one hole.
+
+    Notes
+    -----
+    Time and memory grow with the pixels of all boundaries: ``samples`` passes over them, whatever the
+    number of holes.
+
+    Deviates from the paper: it names neither the robust cost nor the number of samples.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, section 4.1; Fischler and Bolles 1981 (RANSAC).
+    """
+    require_maps(range_map=(range_map, 1), holes=(holes, 1))
+    (range_map,) = floats(range_map)
+    filled = range_map.copy()
+    unknown = holes & np.isnan(range_map)
+    labels, count = regions.label(unknown)
+    _refuse_above(largest, regions.areas(labels, count) / unknown.size)
+    inside, outside = regions.border_pairs(unknown, np.isfinite(range_map))
+    if not inside.size:
+        return filled
+    hole_of_edge = labels.ravel()[inside]
+    order = np.argsort(hole_of_edge, kind="stable")
+    hole_of_edge, edge_range = hole_of_edge[order], range_map.ravel()[outside[order]].astype(np.float64)
+    fill = np.full(count + 1, np.nan)
+    fill[1:] = _consensus(hole_of_edge - 1, edge_range, count, rng, samples, jump)
+    filled[unknown] = fill[labels[unknown]]
+    return filled
+
+
+def _refuse_above(largest: float, shares: np.ndarray) -> None:
+    if shares.size and shares.max() > largest:
+        raise ValueError(
+            f"one hole covers {shares.max():.0%} of the image, and one range cannot stand for it."
+            " Make a sparse range map dense first; if it is sky, see the parameters of sky.identify."
+        )
+
+
+def _consensus(
+    group: np.ndarray, values: np.ndarray, groups: int, rng: np.random.Generator, samples: int, jump: float
+) -> np.ndarray:
+    """Of ``samples`` values drawn from each group, the one of least robust cost; NaN for an empty group.
+
+    ``group`` is sorted, and counts from 0.
+    """
+    sizes = np.bincount(group, minlength=groups)
+    starts = np.cumsum(sizes) - sizes
+    best, least = np.full(groups, np.nan), np.full(groups, np.inf)
+    for _ in range(samples):
+        drawn = starts + (rng.random(groups) * sizes).astype(np.intp)
+        candidate = values[np.minimum(drawn, values.size - 1)]
+        cost = np.bincount(group, _geman_mcclure(values - candidate[group], jump * candidate[group]), groups)
+        better = (cost < least) & (sizes > 0)
+        best[better], least[better] = candidate[better], cost[better]
+    return best
+
+
+def _geman_mcclure(difference: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    square = difference**2
+    # The smallest number keeps 0/0, no jump at range zero, at cost 0.
+    return square / (square + scale**2 + np.finfo(square.dtype).tiny)

@@ -1,0 +1,146 @@
+"""Sky: which pixels of unknown range are sky, and how the scene passes into it (Hansard 2019, section 4.1)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from fogpipe.kernels import regions
+from fogpipe.kernels.arrays import floats, require_maps
+from fogpipe.ports import Length, Mask, Range, Unit
+from fogpipe.stage import stage
+
+
+class Undefined(NamedTuple):
+    """The pixels without a measured range, as two masks that do not overlap."""
+
+    sky: Mask
+    holes: Mask
+
+
+@stage("sky.identify")
+def identify(
+    range_map: Range,
+    *,
+    min_area: Annotated[float, Gt(0), Le(1)] = 0.005,
+    touching: Literal["top", "any"] = "top",
+) -> Undefined:
+    """Tell sky from holes among the pixels without a measured range.
+
+    Sky is every pixel marked as infinitely far, and the large connected regions of unknown range. All other
+    unknown pixels are holes.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, metres. NaN where unknown, +inf for sky.
+    min_area : Least size of a large region, as a share of the image.
+    touching : ``"top"``: a large region is sky if it touches the top edge of the image, or if trees cut it off
+        from the top: its middle lies higher than the lowest sky that touches the top. A region that
+        reaches the bottom edge is not sky (the frame around a registered depth map, the gaps of a sparse lidar).
+        ``"any"``: every large region is sky, as in the paper.
+
+    Returns
+    -------
+    sky, holes : (H, W) bool. A region that borders no measured pixel is sky, since it has nothing to be
+        filled from; so is the whole of an image in which nothing is measured.
+
+    Notes
+    -----
+    One labelling, about 12 ns per pixel.
+
+    Deviates from the paper: it takes the largest regions wherever they are (``touching="any"``), which makes sky
+    of a large hole in an indoor scene.
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, section 4.1.
+    """
+    require_maps(range_map=(range_map, 1))
+    unknown = np.isnan(range_map)
+    labels, count = regions.label(unknown)
+    is_sky = regions.areas(labels, count) >= min_area * range_map.size
+    if touching == "top":
+        first, after = regions.row_spans(labels)
+        is_sky &= after < len(range_map)
+        horizon = after[is_sky & (first == 0)].max(initial=0)
+        is_sky &= (first + after) / 2 < horizon
+    borders_measured = np.zeros(count + 1, bool)
+    borders_measured[labels.ravel()[regions.border_pairs(unknown, np.isfinite(range_map))[0]]] = True
+    is_sky |= ~borders_measured[1:]
+    sky = np.isposinf(range_map) | np.append(False, is_sky)[labels]
+    return Undefined(sky, unknown & ~sky)
+
+
+def _no_sky(sky: Mask) -> str | None:
+    return None if sky.any() else "the scene has no sky"
+
+
+@stage("sky.matte", identity_when=_no_sky)
+def matte(
+    range_map: Range,
+    sky: Mask,
+    farthest: Length,
+    *,
+    margin: Annotated[float, Ge(0), Unit("px")] = 4.0,
+    beyond: Annotated[float, Ge(1)] = 1.5,
+    solver: Literal["direct", "jacobi"] = "direct",
+) -> Range:
+    r"""Give the sky a range, and lead the range of the scene smoothly over into it.
+
+    The sky gets one range beyond the scene, Smax. In a margin along the scene, the sky pixels no farther than µ
+    from a measured one, the range S solves Laplace's equation
+
+    .. math:: \nabla^2 S = 0, \quad S = R \text{ at the scene}, \quad S = S_\mathrm{max} \text{ at the sky},
+
+    so that no hard edge of the haze can show where the outline of the range and of the image disagree.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, metres. NaN where unknown, +inf for sky.
+    sky : (H, W) bool. A pixel of it that has a measured range counts as scene and keeps it.
+    farthest : Largest measured range Rmax, metres (:func:`fogpipe.stages.range.farthest`).
+    margin : Width µ of the margin in pixels; 0 leaves a hard edge.
+    beyond : Smax / Rmax. The paper asks for more than 1 and names no value.
+    solver : ``"direct"``: the exact solution, by sparse LU. ``"jacobi"``: 2µ sweeps of the four-neighbour mean,
+        the published solver, which starts from Smax and stops well before it has converged.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 range. Every pixel that is not sky is the same to the last bit.
+    Where nothing is measured the sky is infinitely far (+inf).
+
+    Notes
+    -----
+    At the border of the image, and at an unfilled hole, S has no slope. Costs a distance transform (7 ns per pixel)
+    and, for each pixel of the margin, about 2 µs and 0.5 kB (direct) or 0.15 µs (jacobi, µ = 12).
+
+    References
+    ----------
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, section 4.1.
+    """
+    from fogpipe.kernels import matting
+
+    require_maps(range_map=(range_map, 1), sky=(sky, 1))
+    (range_map,) = floats(range_map)
+    measured = np.isfinite(range_map)
+    region = sky & ~measured
+    matted = range_map.copy()
+    matted[region] = beyond * farthest if np.isfinite(farthest) else np.inf
+    band = region & _near(measured, margin)
+    if not band.any():
+        return matted
+    if solver == "jacobi":
+        return matting.jacobi(matted, band, sweeps=round(2 * margin))
+    return matting.direct(matted, band)
+
+
+def _near(mask: np.ndarray, distance: float) -> np.ndarray:
+    """Pixels no farther than ``distance`` from a pixel of ``mask``."""
+    import cv2
+
+    if not mask.any():
+        return np.zeros_like(mask)
+    away = np.ascontiguousarray(~mask).view(np.uint8)
+    return cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= distance

@@ -1,0 +1,89 @@
+"""One colour for the airlight, from the sky, from bright patches, or given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fogpipe.stages.airlight import estimate
+
+HAZE = np.array([0.7, 0.75, 0.8], np.float32)
+
+
+def scene() -> tuple[np.ndarray, np.ndarray]:
+    """A dark scene under a sky that pales from blue to the colour of haze at the horizon, row 40."""
+    image = np.full((90, 120, 3), 0.1, np.float32)
+    paleness = np.linspace(0, 1, 40, dtype=np.float32)[:, None, None]
+    image[:40] = (1 - paleness) * np.array([0.2, 0.4, 0.8], np.float32) + paleness * HAZE
+    sky = np.zeros((90, 120), bool)
+    sky[:40] = True
+    return image, sky
+
+
+def test_sky_near_the_horizon():
+    image, sky = scene()
+    # The lowest tenth of the sky, rows 36 to 39, is within 10 % of the way from the horizon to the zenith.
+    np.testing.assert_allclose(estimate(image, sky, horizon=0.1), HAZE, atol=0.1 * 0.5)
+    assert estimate(image, sky, horizon=1)[0] < estimate(image, sky)[0] < HAZE[0]
+
+
+def test_sun_and_branches_do_not_move_the_sky():
+    image, sky = scene()
+    image[:40] = HAZE
+    image[35:38, 10:40] = 1e4  # a sun
+    image[:40, 60:80] = 0.02  # a tree that the mask has missed
+    np.testing.assert_array_equal(estimate(image, sky), HAZE)
+
+
+def test_brightest_patches_without_a_sky():
+    image, _ = scene()
+    image[:40] = HAZE
+    np.testing.assert_array_equal(estimate(image), HAZE)
+    np.testing.assert_array_equal(estimate(image, np.zeros((90, 120), bool)), HAZE)
+
+
+def test_a_lamp_does_not_count():
+    image, _ = scene()
+    image[:40] = HAZE
+    image[60:74, 61:75] = 1e4  # 14 px, less than a patch
+    np.testing.assert_array_equal(estimate(image), HAZE)
+    assert estimate(image, patch=4)[0] == 1e4  # a patch that the lamp fills does
+
+
+def test_the_given_colour_comes_first():
+    image, sky = scene()
+    given = estimate(image, sky, colour=(0.5, 0.25, 1.5))
+    np.testing.assert_array_equal(given, [0.5, 0.25, 1.5])
+    assert given.dtype == np.float32
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (17, 31)])
+def test_every_size_has_an_airlight(shape):
+    image = np.broadcast_to(HAZE, (*shape, 3))
+    np.testing.assert_array_equal(estimate(image), HAZE)
+    np.testing.assert_array_equal(estimate(image, np.ones(shape, bool)), HAZE)
+
+
+def test_light_below_zero_is_none():
+    image = np.full((4, 4, 3), [-0.1, 0.2, 0.3])  # a colour outside the gamut
+    np.testing.assert_array_equal(estimate(image), [0, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"source": "given"}, "needs a colour"),
+        ({"source": "sky"}, "this scene has none"),
+        ({"colour": (1.0, -0.1, 1.0)}, "three finite numbers of 0 or more"),
+        ({"colour": (1.0, np.nan, 1.0)}, "three finite numbers of 0 or more"),
+        ({"colour": (1.0, 1.0)}, "three finite numbers of 0 or more"),
+    ],
+)
+def test_what_cannot_be_is_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        estimate(np.ones((4, 4, 3)), **options)
+
+
+def test_an_image_without_a_finite_pixel_is_refused():
+    with pytest.raises(ValueError, match=r"brightest.*three finite numbers"):
+        estimate(np.full((4, 4, 3), np.nan))

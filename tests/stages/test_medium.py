@@ -1,0 +1,143 @@
+"""Extinction, visibility, and the law of Beer and Lambert."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fogpipe.stages.medium import extinction_from_visibility, fog, transmission, visibility_from_extinction
+
+CONTRAST = {"wmo-5%": 0.05, "koschmieder-2%": 0.02}
+NOTHING_MEASURED = np.array(np.nan)
+
+
+@pytest.mark.parametrize("threshold", CONTRAST)
+@given(visibility=st.floats(1e-3, 1e6))
+def test_visibility_survives_a_round_trip(threshold, visibility):
+    extinction = extinction_from_visibility(visibility, threshold)
+    # Two divisions, each rounded by at most half a unit in the last place of a double.
+    assert visibility_from_extinction(extinction, threshold) == pytest.approx(visibility, rel=4e-16)
+
+
+@pytest.mark.parametrize(("threshold", "constant"), [("wmo-5%", 2.996), ("koschmieder-2%", 3.912)])
+def test_the_usual_constants(threshold, constant):
+    # The constants are printed with three decimals.
+    assert extinction_from_visibility(1.0, threshold) == pytest.approx(constant, abs=5e-4)
+
+
+@pytest.mark.parametrize("threshold", CONTRAST)
+def test_contrast_at_the_visibility_is_the_threshold(threshold):
+    medium = fog(NOTHING_MEASURED, visibility=80.0, threshold=threshold)
+    seen = transmission(np.array([[80.0]]), medium.extinction)
+    # Rounding of an exponent near 4 in double precision.
+    assert seen[0, 0] == pytest.approx(CONTRAST[threshold], rel=1e-14)
+
+
+def test_clear_air_has_no_limit_of_visibility():
+    assert extinction_from_visibility(math.inf) == 0
+    assert visibility_from_extinction(0.0) == math.inf
+
+
+@pytest.mark.parametrize("visibility", [0.0, -5.0, math.nan])
+def test_impossible_visibility_is_refused(visibility):
+    with pytest.raises(ValueError, match="visibility must be above 0 m"):
+        extinction_from_visibility(visibility)
+
+
+@pytest.mark.parametrize("extinction", [-1.0, math.nan])
+def test_impossible_extinction_is_refused(extinction):
+    with pytest.raises(ValueError, match="extinction must be 0 or more"):
+        visibility_from_extinction(extinction)
+
+
+@given(st.floats(1e-3, 1e4), st.floats(0, 20))
+def test_optical_thickness_is_that_of_the_farthest_point(farthest, thickness):
+    medium = fog(np.array(farthest), optical_thickness=thickness)
+    assert float(medium.extinction) * farthest == pytest.approx(thickness, rel=4e-16)  # one division, one product
+
+
+@pytest.mark.parametrize(
+    ("thickness", "albedo", "absorption", "scattering"),
+    [(0.25, 0, 0.25, 0), (0.25, 1, 0, 0.25), (0.5, 0.5, 0.25, 0.25)],
+)
+def test_the_three_examples_of_the_paper(thickness, albedo, absorption, scattering):
+    medium = fog(np.array(46.0), optical_thickness=thickness, albedo=albedo)  # SYNS: Rmax = 46 m
+    normalised = [float(coefficient) * 46 for coefficient in medium]
+    assert normalised == pytest.approx([absorption, scattering, absorption + scattering], abs=1e-15)
+
+
+def test_visibility_and_extinction_come_before_the_thickness():
+    assert fog(np.array(10.0), extinction=0.3, optical_thickness=7.0).extinction == 0.3
+    assert fog(np.array(10.0), visibility=50.0).extinction == extinction_from_visibility(50.0)
+
+
+def test_two_answers_to_one_question_are_refused():
+    with pytest.raises(ValueError, match="visibility or extinction, not both"):
+        fog(np.array(10.0), visibility=50.0, extinction=0.1)
+
+
+@pytest.mark.parametrize("farthest", [np.nan, 0.0])
+def test_thickness_needs_a_distance(farthest):
+    with pytest.raises(ValueError, match="set visibility"):
+        fog(np.array(farthest))
+    assert fog(np.array(farthest), optical_thickness=0.0).extinction == 0
+    assert fog(np.array(farthest), extinction=0.1).extinction == 0.1
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_transmission_is_the_exponential(dtype):
+    range_map = np.linspace(0, 100, 501, dtype=dtype).reshape(3, 167)
+    got = transmission(range_map, np.array(0.1))
+    exact = np.exp(-0.1 * range_map.astype(np.float64))
+    # The exponent, up to 10, is rounded twice (β, and the product), and the exponential to a few units.
+    assert got.dtype == dtype
+    np.testing.assert_allclose(got, exact, rtol=2 * 10 * np.finfo(dtype).eps / 2 + 4 * np.finfo(dtype).eps)
+
+
+def test_what_is_unknown_stays_unknown_and_the_sky_is_gone():
+    range_map = np.array([[0.0, np.nan, np.inf]], np.float32)
+    np.testing.assert_array_equal(transmission(range_map, np.array(0.1)), [[1, np.nan, 0]])
+    np.testing.assert_array_equal(transmission(range_map, np.array(0.0)), [[1, np.nan, 1]])
+    np.testing.assert_array_equal(transmission(range_map, np.array(1e300)), [[1, np.nan, 0]])
+
+
+def test_density_scales_the_extinction():
+    range_map = np.array([[5.0, 5.0, np.inf, np.inf, np.nan]], np.float32)
+    density = np.array([[2.0, 0.0, 1.0, 0.0, 0.0]], np.float32)
+    got = transmission(range_map, np.array(0.1), density)
+    np.testing.assert_allclose(got, [[math.exp(-1), 1, 0, 1, np.nan]], rtol=1e-6)  # float32
+
+
+def test_one_is_the_mean_density():
+    range_map = np.linspace(0, 60, 12, dtype=np.float32).reshape(3, 4)
+    with_density = transmission(range_map, np.array(0.1), np.ones_like(range_map))
+    np.testing.assert_array_equal(with_density, transmission(range_map, np.array(0.1)))
+
+
+@given(st.lists(st.floats(0, 1e6, width=32), min_size=2, max_size=9), st.floats(0, 100))
+def test_what_is_farther_is_seen_less(ranges, extinction):
+    t = transmission(np.sort(np.array([ranges], np.float32)), np.array(extinction))
+    assert (np.diff(t) <= 0).all()
+    assert t.min() >= 0
+    assert t.max() <= 1
+
+
+@pytest.mark.parametrize("bad", [-1.0, -np.inf])
+def test_negative_range_is_refused(bad):
+    with pytest.raises(ValueError, match="range_map is negative at 1 pixels"):
+        transmission(np.array([[1.0, bad, np.nan]]), np.array(0.1))
+
+
+@pytest.mark.parametrize("bad", [-0.1, np.nan])
+def test_impossible_coefficient_is_refused(bad):
+    with pytest.raises(ValueError, match="extinction must be 0 or more"):
+        transmission(np.ones((2, 2)), np.array(bad))
+
+
+def test_sizes_must_agree():
+    with pytest.raises(ValueError, match="density has 2 × 3 pixels but range_map has 3 × 2"):
+        transmission(np.ones((2, 3)), np.array(0.1), np.ones((3, 2)))
