@@ -7,29 +7,14 @@ forms of it that fogpipe's docstrings use.
 from __future__ import annotations
 
 import inspect
-import re
-import textwrap
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
 
 import fogpipe.errors
-from fogpipe.pipeline.cards import card
+from fogpipe.pipeline.cards import card, markdown
 from fogpipe.registry import Registry
 from fogpipe.stage import Contract
-
-
-def markdown(text: str) -> str:
-    """Markdown from text in which maths, roles and definitions are written as reStructuredText."""
-    text = re.sub(r"^\.\. math:: *(.*(?:\n +\S.*)*)", _display_formula, text, flags=re.MULTILINE)
-    text = re.sub(r":math:`([^`]+)`", r"$\1$", text)
-    text = re.sub(r":(?:func|class|data|meth|mod):`~?(?:[\w.]*\.)?(\w+)`", r"`\1`", text)
-    return re.sub(r"^(\w+)\n {4}(?=\S)", r"\1\n: ", text, flags=re.MULTILINE)
-
-
-def _display_formula(match: re.Match[str]) -> str:
-    lines = match[1].splitlines()
-    return "\n".join(["$$", lines[0], textwrap.dedent("\n".join(lines[1:])), "$$"]).replace("\n\n", "\n")
 
 
 def own_stages() -> list[Contract]:
@@ -44,7 +29,7 @@ def own_stages() -> list[Contract]:
 def write_stage_pages(folder: Path) -> None:
     """One page per stage, and an index by subject; pages of stages that are gone are removed."""
     stages = own_stages()
-    pages = {f"{stage.name}.md": markdown(card(stage)) for stage in stages} | {"index.md": _stage_index(stages)}
+    pages = {f"{stage.name}.md": card(stage) for stage in stages} | {"index.md": _stage_index(stages)}
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.md"):
         if old.name not in pages:

@@ -114,9 +114,20 @@ class ReplayError(RunError):
     """A replayed run gave other bytes than the run that was recorded."""
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`` Did you mean "x"?`` for the known word nearest to ``word``, or an empty string."""
+def closest(word: str, known: Iterable[str]) -> str | None:
+    """The known word that is most like ``word``, or None if none is."""
     import difflib
 
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f' Did you mean "{close[0]}"?' if close else ""
+    return next(iter(difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)), None)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`` Did you mean "x"?`` for the known word nearest to ``word``, or an empty string."""
+    meant = closest(word, known)
+    return f' Did you mean "{meant}"?' if meant else ""
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """What :func:`did_you_mean` says, or else a list of all that there is."""
+    names = list(known)
+    return did_you_mean(word, names) or (f" There is: {', '.join(names)}." if names else "")

@@ -11,9 +11,12 @@ in metres can never be wired into a transmission. A plugin adds a kind by making
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+
+Color = Literal["linear", "srgb"]
+"""What the numbers of colours mean inside a pipeline: linear light, or sRGB display values."""
 
 FloatArray = np.ndarray[Any, np.dtype[np.floating[Any]]]
 BoolArray = np.ndarray[Any, np.dtype[np.bool_]]

@@ -8,7 +8,6 @@ stages are found the same way. Nothing is imported before a pipeline needs that 
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import importlib.util
 import sys
@@ -20,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from fogpipe.errors import ContractError, InputError, UnknownStageError
+from fogpipe.errors import ContractError, InputError, UnknownStageError, did_you_mean
 from fogpipe.stage import Contract, contract, is_stage
 
 GROUP = "fogpipe.stages"
@@ -86,10 +85,9 @@ class Registry:
         if subject in self.failures:
             raise UnknownStageError(f'stage "{name}" cannot be used: {self.failures[subject]}')
         known = list(self.all())
-        close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-        hint = f'Did you mean "{close[0]}"?' if close else '"fogpipe stages" lists them all.'
+        hint = did_you_mean(name, known) or ' "fogpipe stages" lists them all.'
         broken = "".join(f"\n{reason}" for reason in self.failures.values())
-        raise UnknownStageError(f'there is no stage "{name}". {hint}{broken}')
+        raise UnknownStageError(f'there is no stage "{name}".{hint}{broken}')
 
     def all(self) -> dict[str, Contract]:
         """Every stage that can be imported, by name; what cannot is in :attr:`failures`."""
@@ -113,13 +111,14 @@ class Registry:
 
 def _stages_in(source: Source) -> dict[str, Contract]:
     stages: dict[str, Contract] = {}
-    for value in vars(source.load()).values():
+    module = source.load()
+    for value in vars(module).values():
         if not is_stage(value):
             continue
         found = contract(value)
         if found.name.startswith(f"{source.subject}."):
             stages = _united(stages, {found.name: found})
-        elif value.__module__.rpartition(".")[2] == source.subject:  # not one imported from elsewhere to be called
+        elif value.__module__ == module.__name__:  # and not imported from elsewhere to be called
             raise ContractError(f'stage "{found.name}" must be named "{source.subject}.…", after its subject.')
     return stages
 

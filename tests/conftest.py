@@ -9,6 +9,7 @@ from textwrap import dedent
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from fogpipe.pipeline.check import check
 from fogpipe.pipeline.graph import Graph
@@ -24,6 +25,10 @@ def shared_data() -> Path:
         pytest.skip("the folder of real images, ../shared/data beside the checkout, is not here")
     return folder
 
+
+# The first example of a test may compile a kernel, which no deadline of milliseconds can allow for.
+settings.register_profile("fogpipe", deadline=None)
+settings.load_profile("fogpipe")
 
 TOY_STAGES = Path(__file__).parent / "toy_stages"
 BROKEN_STAGES = Path(__file__).parent / "broken_stages"

@@ -8,7 +8,6 @@ import pytest
 
 from fogpipe.errors import InputError, UnknownStageError
 from fogpipe.registry import Registry
-
 from tests.conftest import BROKEN_STAGES, TOY_STAGES
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -37,7 +36,7 @@ def command(
     from fogpipe.kernels.bands import set_threads
     from fogpipe.runtime.cache import Cache
     from fogpipe.runtime.job import run_job
-    from fogpipe.runtime.record import Options
+    from fogpipe.runtime.record import Options, strict_json
 
     if threads:
         set_threads(threads)
@@ -50,6 +49,6 @@ def command(
         record = run_job(loaded, request, chosen, out, workers=threads, cache=store, observer=progress)
     summarise(record, out)
     if as_json:
-        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        typer.echo(strict_json(record), nl=False)
     if record["expectations_missed"]:
         raise ExpectationError("\n".join(record["expectations_missed"]))

@@ -19,9 +19,9 @@ from fogpipe.io.atomic import atomic_write
 from fogpipe.io.files import read_bytes
 from fogpipe.io.readers import Raster, Reader, read_exr, read_hdr, read_jpeg, read_npy, read_png, read_webp
 from fogpipe.io.tiff import read_tiff
-from fogpipe.io.writers import Color, encode
+from fogpipe.io.writers import encode
 from fogpipe.kernels.srgb import linear_from_srgb, srgb_from_linear
-from fogpipe.ports import FloatArray
+from fogpipe.ports import Color, FloatArray
 
 MAX_PIXELS = 400_000_000
 """The largest picture that is read; a few kilobytes can promise to unpack to terabytes."""
@@ -133,7 +133,10 @@ def picture_from_array(array: np.ndarray, *, color: Color = "linear") -> Picture
         For another shape or dtype, an empty array, or NaN or infinity.
     """
     light = "srgb" if array.dtype.kind == "u" else "working"
-    return _picture(Raster(array, light, f"{array.dtype} array of shape {array.shape}"), color)
+    try:
+        return _picture(Raster(array, light, f"{array.dtype} array of shape {array.shape}"), color)
+    except InputError as error:
+        raise InputError(f"the array {error}") from None
 
 
 def write_image(
@@ -205,7 +208,7 @@ def _picture(raster: Raster, color: Color) -> Picture:
     channels = samples.shape[2]
     alpha = None
     if channels in (2, 4):
-        alpha = np.clip(_display(samples[..., -1]), 0, 1)
+        alpha = np.clip(_display(samples[..., -1]), 0, 1).astype(np.float32, copy=False)
         samples = samples[..., :-1]
     pixels = _working(samples, raster.light, color)
     if pixels.shape[2] == 1:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fogpipe.io.writers import Color, quantised
+from fogpipe.io.writers import quantised
 from fogpipe.kernels.srgb import srgb_levels_from_linear
+from fogpipe.ports import Color
 
 LARGEST_SIDE = 480
 """Most pixels that a thumbnail has in either direction."""
@@ -100,7 +101,7 @@ def paint_map(values: np.ndarray, scale: Scale) -> np.ndarray:
 def paint_image(pixels: np.ndarray, color: Color) -> np.ndarray:
     """A (H, W, 3) picture, or a (H, W, 4) premultiplied layer over a checkerboard, as a thumbnail, uint8 sRGB."""
     small = _shrunk(np.asarray(pixels, np.float32))
-    known = np.isfinite(small).all(axis=2)
+    known = np.all(np.isfinite(small), axis=2)
     if small.shape[2] == 4:
         board = 0.02 if color == "linear" else 0.15
         small = small[..., :3] + (1 - small[..., 3:]) * _checkerboard(*small.shape[:2], board, 3 * board)

@@ -21,7 +21,7 @@ SRGB_FROM_XYZ = np.array(
 )
 """Linear sRGB from XYZ under D50, the white of ICC profiles (Bradford adaptation; Lindbloom, *RGB/XYZ Matrices*)."""
 
-GREY_MODES = ("1", "L", "LA")
+GREY_MODES = ("1", "L", "LA", "La")
 
 
 def to_srgb(image: Image.Image) -> tuple[Image.Image, str]:

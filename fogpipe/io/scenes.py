@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from fogpipe.errors import InputError, did_you_mean
 from fogpipe.io.camera import CameraFile, camera_from_mapping, read_camera
 from fogpipe.io.depth import check_same_size, read_depth, to_range
 from fogpipe.io.files import read_bytes
+from fogpipe.ports import Color
 
-Color = Literal["linear", "srgb"]
 PREFIX = "sample:"
 KEYS = ("title", "image", "depth", "encoding", "camera")
 

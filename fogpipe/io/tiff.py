@@ -32,6 +32,7 @@ _WHITE_IS_ZERO, _BLACK_IS_ZERO, _RGB = 0, 1, 2
 _PREMULTIPLIED = 1
 _LZW = 5
 _FLOAT_PREDICTOR = 3
+_BITS = {"uint16": 16, "float16": 16, "float32": 32, "float64": 64}
 
 
 def read_tiff(data: bytes, layer: str | None, max_pixels: int) -> Raster:
@@ -66,11 +67,18 @@ def _read_deep(data: bytes, page: TiffPage) -> Raster:
 
 def _refuse_strange(page: TiffPage) -> None:
     channels = {_WHITE_IS_ZERO: (1,), _BLACK_IS_ZERO: (1, 2), _RGB: (3, 4)}.get(page.photometric, ())
-    dtypes = ("uint16",) if page.photometric == _WHITE_IS_ZERO else ("uint16", "float16", "float32", "float64")
-    if page.samplesperpixel not in channels or page.axes not in ("YX", "YXS", "SYX") or str(page.dtype) not in dtypes:
+    dtype = str(page.dtype)
+    inverted_light = page.photometric == _WHITE_IS_ZERO and dtype != "uint16"
+    if (
+        page.samplesperpixel not in channels
+        or page.axes not in ("YX", "YXS", "SYX")
+        or page.bitspersample != _BITS.get(dtype)  # 12 bits in a uint16, for instance, have another white
+        or inverted_light
+    ):
         raise InputError(
-            f"is a TIFF of {page.samplesperpixel} channels of {page.dtype} (photometric {page.photometric}, shape"
-            f" {page.shape}), which is not read. Save it as grey or RGB, with or without alpha, 8 or 16 bits or float."
+            f"is a TIFF of {page.samplesperpixel} channels of {dtype} ({page.bitspersample} bits, photometric"
+            f" {page.photometric}, shape {page.shape}), which is not read."
+            f" Save it as grey or RGB, with or without alpha, of 8 or 16 bits or float."
         )
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fogpipe.io.painting import SKY_COLOUR, STYLES, UNKNOWN_COLOUR, Scale, paint_image, paint_map, scale_for
-from fogpipe.io.writers import Color, quantised
+from fogpipe.io.writers import quantised
 from fogpipe.kernels.srgb import srgb_levels_from_linear
-from fogpipe.ports import Kind
+from fogpipe.ports import Color, Kind
 
 Rgb = tuple[int, int, int]
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
-from typing import Literal
 
 import numpy as np
 
 from fogpipe.errors import OutputError
 from fogpipe.kernels.srgb import linear_from_srgb, srgb_levels_from_linear
+from fogpipe.ports import Color
 
-Color = Literal["linear", "srgb"]
 LARGEST_HALF = 65504.0
 
 
@@ -43,20 +42,20 @@ def encode(pixels: np.ndarray, suffix: str, *, color: Color, alpha: np.ndarray |
     """The content of a file for a picture in the working space; see :func:`fogpipe.io.images.write_image`."""
     form = _format(suffix, alpha, bits)
     pixels = _checked(pixels, alpha)
-    if form is NPY:
+    depth = bits or next(iter(form.integers + form.floats), None)
+    if depth is None:
         samples = _with_alpha(pixels, alpha)
-    elif (bits or (*form.integers, *form.floats)[0]) in form.integers:
+    elif depth in form.integers:
         _refuse_nonfinite(pixels, form.name)
-        levels = quantised if color == "srgb" else srgb_levels_from_linear
-        opacity = None if alpha is None else quantised(alpha, bits or 8)
-        samples = _with_alpha(levels(pixels, bits or 8), opacity)
+        levels = srgb_levels_from_linear if color == "linear" else quantised
+        samples = _with_alpha(levels(pixels, depth), None if alpha is None else quantised(alpha, depth))
     else:
-        linear = linear_from_srgb(pixels) if color == "srgb" else pixels
+        linear = pixels if color == "linear" else linear_from_srgb(pixels)
         if alpha is not None and form.premultiplied:
             linear = linear * alpha[..., np.newaxis]
-        samples = _with_alpha(linear.astype(_float_dtype(linear, form, bits), copy=False), alpha)
-    if not form.nonfinite:
-        _refuse_nonfinite(samples, form.name)
+        samples = _with_alpha(_narrowed(linear, depth, insist=bits is not None), alpha)
+        if not form.nonfinite:
+            _refuse_nonfinite(samples, form.name)
     try:
         return form.encode(samples)
     except Exception as error:  # encoders raise almost anything, such as for too large a picture
@@ -89,6 +88,8 @@ def _checked(pixels: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
         )
     if alpha is not None and alpha.shape != pixels.shape[:2]:
         raise OutputError(f"the alpha channel is {alpha.shape}, but the picture is {pixels.shape[:2]}.")
+    if alpha is not None and not np.isfinite(alpha).all():
+        raise OutputError("the alpha channel holds NaN or infinity. Give an opacity from 0 to 1.")
     return pixels if pixels.dtype in (np.float32, np.float64) else pixels.astype(np.float32)
 
 
@@ -106,13 +107,15 @@ def _with_alpha(samples: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
     return samples if alpha is None else np.dstack([samples, alpha.astype(samples.dtype)])
 
 
-def _float_dtype(linear: np.ndarray, form: Format, bits: int | None) -> type[np.floating]:
-    """Half where it is asked for, or the default and large enough."""
-    half = (bits or form.floats[0]) == 16
-    too_large = half and bool(np.any((np.abs(linear) > LARGEST_HALF) & np.isfinite(linear)))
-    if too_large and bits == 16:
-        raise OutputError(f"a value is above {LARGEST_HALF:g}, the largest that 16 bits hold. Choose 32 bits.")
-    return np.float16 if half and not too_large else np.float32
+def _narrowed(linear: np.ndarray, bits: int, *, insist: bool) -> np.ndarray:
+    """As float16 or float32; as float32, too, where float16 is only the default and a value is too large for it."""
+    if bits == 16:
+        if not np.any((np.abs(linear) > LARGEST_HALF) & np.isfinite(linear)):
+            return linear.astype(np.float16)
+        if insist:
+            raise OutputError(f"a value is above {LARGEST_HALF:g}, the largest that 16 bits hold. Choose 32 bits.")
+    with np.errstate(over="ignore"):  # beyond float32 there is only infinity
+        return linear.astype(np.float32, copy=False)
 
 
 def encode_png(samples: np.ndarray) -> bytes:
@@ -130,7 +133,7 @@ def encode_jpeg(samples: np.ndarray) -> bytes:
 
 def encode_webp(samples: np.ndarray) -> bytes:
     """Lossless WebP, which also keeps colour where nothing is opaque."""
-    return _by_pillow(samples, format="WEBP", lossless=True, exact=True, method=1)
+    return _by_pillow(samples, format="WEBP", lossless=True, exact=True, method=1, quality=50)
 
 
 def encode_tiff(samples: np.ndarray) -> bytes:
@@ -144,6 +147,7 @@ def encode_tiff(samples: np.ndarray) -> bytes:
         photometric="minisblack" if samples.ndim == 2 else "rgb",
         extrasamples=["unassalpha"] if samples.shape[2:] == (4,) else None,
         compression="zlib",
+        compressionargs={"level": 2},
         predictor=samples.dtype.kind == "u",
         metadata=None,
         software=False,

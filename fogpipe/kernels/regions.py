@@ -28,17 +28,25 @@ def row_spans(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return first, after
 
 
+def border(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """Mask of the pixels of one mask that have a neighbour in the other."""
+    touched = np.zeros_like(outside)
+    touched[:, 1:] |= outside[:, :-1]
+    touched[:, :-1] |= outside[:, 1:]
+    touched[1:] |= outside[:-1]
+    touched[:-1] |= outside[1:]
+    return inside & touched
+
+
 def border_pairs(inside: np.ndarray, outside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Flat indices of all neighbours (p, q) with p in one mask and q in the other; p and q may occur many times."""
-    index = np.arange(inside.size).reshape(inside.shape)
+    height, width = inside.shape
+    pixels = np.flatnonzero(border(inside, outside))
+    y, x = np.divmod(pixels, width)
     pairs = []
-    for here, there in (
-        (np.s_[:, :-1], np.s_[:, 1:]),
-        (np.s_[:, 1:], np.s_[:, :-1]),
-        (np.s_[:-1], np.s_[1:]),
-        (np.s_[1:], np.s_[:-1]),
-    ):
-        touching = inside[here] & outside[there]
-        pairs.append((index[here][touching], index[there][touching]))
+    for exists, step in ((x > 0, -1), (x < width - 1, 1), (y > 0, -width), (y < height - 1, width)):
+        here = pixels[exists]
+        touching = outside.ravel()[here + step]
+        pairs.append((here[touching], here[touching] + step))
     first, second = zip(*pairs, strict=True)
     return np.concatenate(first), np.concatenate(second)

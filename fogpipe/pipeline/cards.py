@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import textwrap
 import typing
 from typing import Any
 
@@ -18,19 +19,22 @@ def card(contract: Contract, origin: str = "") -> str:
     lines = [f"# {data['name']}", "", data["summary"], "", data["extended"], ""]
     for title, ports in (("Inputs", data["inputs"]), ("Outputs", data["outputs"])):
         lines += [f"## {title}", "", "| port | kind | meaning |", "|---|---|---|"]
-        lines += [f"| {port['name']} | {port['kind']} | {port['description']} |" for port in ports] + [""]
+        lines += [_row(port["name"], port["kind"], port["description"]) for port in ports] + [""]
     if data["parameters"]:
         lines += ["## Parameters", "", "| name | type | default | unit | meaning |", "|---|---|---|---|---|"]
         for p in data["parameters"]:
-            cells = (p["name"], p["type"], p["default"], p["unit"], p["description"])
-            lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+            lines.append(_row(p["name"], p["type"], p["default"], p["unit"], p["description"]))
         lines.append("")
     for title, text in data["sections"].items():
         lines += [f"## {title}", "", text, ""]
     if data["skipped_when"]:
         lines += ["## Skipped", "", data["skipped_when"], ""]
     lines += [f"`{data['import']}` · version {data['version']}{f' · {origin}' if origin else ''}", ""]
-    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
+    return markdown(re.sub(r"\n{3,}", "\n\n", "\n".join(lines)))
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 
 def card_data(contract: Contract, origin: str = "") -> dict[str, Any]:
@@ -77,6 +81,19 @@ def _parameter(parameter: inspect.Parameter, description: str) -> dict[str, str]
         "unit": unit_of(hint) or "",
         "description": description,
     }
+
+
+def markdown(text: str) -> str:
+    """Markdown from text in which formulas, roles and definitions are written as reStructuredText."""
+    text = re.sub(r"^\.\. math:: *(.*(?:\n +\S.*)*)", _display_formula, text, flags=re.MULTILINE)
+    text = re.sub(r":math:`([^`]+)`", r"$\1$", text)
+    text = re.sub(r":(?:func|class|data|meth|mod):`~?(?:[\w.]*\.)?(\w+)`", r"`\1`", text)
+    return re.sub(r"^(\w+)\n {4}(?=\S)", r"\1\n: ", text, flags=re.MULTILINE)
+
+
+def _display_formula(match: re.Match[str]) -> str:
+    lines = match[1].splitlines()
+    return "\n".join(["$$", lines[0], textwrap.dedent("\n".join(lines[1:])), "$$"]).replace("\n\n", "\n")
 
 
 _SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}

@@ -8,10 +8,10 @@ from typing import Any
 import networkx as nx
 from pydantic import ValidationError
 
-from fogpipe.errors import ContractError, PipelineError, UnknownStageError
+from fogpipe.errors import ContractError, PipelineError, UnknownStageError, closest, suggestion
 from fogpipe.pipeline.graph import Expectation, Graph, Node, Ref
 from fogpipe.pipeline.reading import Path
-from fogpipe.pipeline.spec import Spec, closest, suggestion
+from fogpipe.pipeline.spec import Spec
 from fogpipe.ports import Kind, known_kinds
 from fogpipe.registry import Registry
 from fogpipe.stage import Contract, Port
@@ -136,8 +136,9 @@ class _Checker:
                     self.spec.problem(path, f'"{name}" has several outputs; write {" or ".join(names)}.')
         elif name not in self.unresolved:
             names = [*self.inputs, *self.contracts]
-            self.meant.update(closest(name, names))
-            hint = suggestion(name, names) if closest(name, names) or wanted is None else self._givers(wanted)
+            meant = closest(name, names)
+            self.meant.update([meant] if meant else ())
+            hint = suggestion(name, names) if meant or wanted is None else self._givers(wanted)
             self.spec.problem(path, f'there is no stage or input "{name}".{hint}')
         return None, None
 

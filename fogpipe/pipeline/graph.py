@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from fogpipe.ports import Kind
+from fogpipe.ports import Color, Kind
 from fogpipe.stage import Contract
 
 
@@ -93,7 +93,7 @@ class Graph:
 
     source: str
     title: str
-    color: str
+    color: Color
     seed: int
     tolerance: float
     inputs: Mapping[str, Kind]

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fogpipe.errors import RequestError
+from fogpipe.errors import RequestError, suggestion
 from fogpipe.pipeline.graph import Graph, Node, Ref
-from fogpipe.pipeline.spec import suggestion
 
 
 @dataclass(frozen=True)

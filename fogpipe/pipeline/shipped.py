@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fogpipe.errors import InputError
-from fogpipe.pipeline.spec import suggestion
+from fogpipe.errors import InputError, suggestion
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 # A wheel carries the folder inside the package; a checkout has it at the top level.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
@@ -12,11 +11,11 @@ import yaml
 from annotated_types import Ge, Gt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fogpipe.errors import Problem
+from fogpipe.errors import Problem, suggestion
 from fogpipe.pipeline.reading import Document, Path, Place, read_value, read_yaml
+from fogpipe.ports import Color
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-Color = Literal["linear", "srgb"]
 
 
 class StageUse(BaseModel):
@@ -143,19 +142,6 @@ def _apply(overrides: Mapping[str, Any], data: dict[str, Any], problems: list[Pr
 
 def _option(path: Path) -> Path:
     return (path[1], path[3]) if path[0] == "stages" else path[1:]
-
-
-def closest(word: str, names: list[str]) -> list[str]:
-    """The name most like ``word``, or nothing."""
-    return difflib.get_close_matches(word, names, n=1, cutoff=0.6)
-
-
-def suggestion(word: str, known: Any) -> str:
-    """``" Did you mean …?"``, or what there is, or nothing."""
-    names = [str(name) for name in known]
-    if close := closest(word, names):
-        return f' Did you mean "{close[0]}"?'
-    return f" There is: {', '.join(names)}." if names else ""
 
 
 def _validate(data: dict[str, Any], document: Document, problems: list[Problem]) -> tuple[PipelineFile, set[str]]:

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fogpipe.errors import InputError
+from fogpipe.errors import InputError, suggestion
 from fogpipe.pipeline.plan import Plan
-from fogpipe.pipeline.spec import suggestion
 from fogpipe.ports import Kind
 
 _DISTANCES = ("Range", "Depth", "RelativeDepth")
@@ -81,7 +80,7 @@ def inputs_from_request(plan: Plan, request: Request) -> Inputs:
     if request.scene:
         from fogpipe.io.scenes import open_scene
 
-        scene = open_scene(request.scene).load(plan.graph.color)  # type: ignore[arg-type]
+        scene = open_scene(request.scene).load(plan.graph.color)
         values, sources, alpha = dict(scene.values), dict(scene.sources), scene.alpha
         notes += scene.notes
     for name in plan.inputs:
@@ -112,7 +111,7 @@ def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
             from fogpipe.io.images import picture_from_array
 
             try:
-                picture = picture_from_array(np.asarray(arrays[name]), color=plan.graph.color)  # type: ignore[arg-type]
+                picture = picture_from_array(np.asarray(arrays[name]), color=plan.graph.color)
             except InputError as error:
                 raise InputError(f"input {name}: {error}") from error
             values[name], alpha = picture.pixels, picture.alpha
@@ -173,7 +172,7 @@ def _read(plan: Plan, name: str, request: Request) -> tuple[np.ndarray, np.ndarr
     if kind.name == "Image":
         from fogpipe.io.images import read_image
 
-        picture = read_image(path, color=plan.graph.color)  # type: ignore[arg-type]
+        picture = read_image(path, color=plan.graph.color)
         return picture.pixels, picture.alpha, (f"{name}: {picture.description}",)
     if kind.name in _DISTANCES:
         return _read_distance(kind, name, path, request)

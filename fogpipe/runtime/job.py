@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -28,6 +27,7 @@ from fogpipe.runtime.record import (
     changed_versions,
     make_record,
     read_record,
+    strict_json,
 )
 
 RECORD_NAME = "run.json"
@@ -62,8 +62,8 @@ def run_job(
         If a stage or the writing of an output fails.
     """
     started = time.perf_counter()
-    check_formats(options.image_format, options.map_format)
     plan = pipeline.plan(options.to)
+    check_formats(plan, options.image_format, options.map_format)
     inputs = inputs_from_request(plan, request)
     if expected_inputs and (changed := changed_inputs(expected_inputs, inputs)):
         raise InputError(f"the content of {', '.join(changed)} is not what it was in the recorded run.")
@@ -129,7 +129,7 @@ def _write_json(path: Path, data: Mapping[str, Any]) -> None:
     from fogpipe.io.atomic import atomic_write
 
     with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(data, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        temporary.write_text(strict_json(data), encoding="utf-8")
 
 
 class _SheetObserver(Observer):

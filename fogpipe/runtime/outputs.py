@@ -9,20 +9,25 @@ from pathlib import Path
 import numpy as np
 
 from fogpipe.errors import OutputError, RequestError
-from fogpipe.ports import Kind
+from fogpipe.pipeline.plan import Plan
+from fogpipe.ports import MAP, Color, Kind
 
 IMAGE_FORMATS = ("png", "png16", "jpg", "webp", "tif", "exr", "hdr", "npy")
 MAP_FORMATS = ("npy", "exr", "tif", "png")
 
 
-def check_formats(image_format: str, map_format: str) -> None:
-    """Refuse unknown formats before anything is computed."""
+def check_formats(plan: Plan, image_format: str, map_format: str) -> None:
+    """Refuse, before anything is computed, formats that are unknown or cannot hold an output."""
     for option, value, known in (
         ("--image-format", image_format, IMAGE_FORMATS),
         ("--map-format", map_format, MAP_FORMATS),
     ):
         if value not in known:
             raise RequestError(f"{option} {value}: choose one of {', '.join(known)}.")
+    for name, ref in plan.outputs.items() if map_format == "png" else ():
+        kind = plan.graph.kind(ref)
+        if kind.shapes == MAP and kind.dtype == "float" and not (kind.low >= 0 and kind.high <= 1):
+            raise RequestError(f"--map-format png: {name} is a {kind}, and a PNG holds values in [0, 1] only; use exr.")
 
 
 def make_folder(folder: Path) -> None:
@@ -42,7 +47,7 @@ def write_output(
     kind: Kind,
     array: np.ndarray,
     *,
-    color: str,
+    color: Color,
     alpha: np.ndarray | None = None,
     image_format: str = "png",
     map_format: str = "npy",
@@ -61,13 +66,13 @@ def write_output(
         path = folder / f"{name}.{image_format.removesuffix('16')}"
         opacity = alpha if alpha is not None and alpha.shape == array.shape[:2] else None
         bits = 16 if image_format == "png16" else None
-        write_image(path, array, color=color, alpha=opacity, bits=bits)  # type: ignore[arg-type]
+        write_image(path, array, color=color, alpha=opacity, bits=bits)
     elif array.ndim == 3:
         path = folder / f"{name}.npy"
         write_map(path, array)
     else:
-        path = folder / f"{name}.{'png' if map_format == 'png' else map_format}"
-        write_map(path, array)
+        path = folder / f"{name}.{map_format}"
+        write_map(path, array, channel="Z" if kind.display == "distance" else "Y")
     return path
 
 

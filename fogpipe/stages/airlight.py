@@ -54,7 +54,7 @@ def estimate(
 
     Notes
     -----
-    About 5 ns per pixel for the brightest patches, 30 ns per sky pixel for the sky.
+    About 3 ns per pixel for the brightest patches, and 50 ns per pixel of the sky that is used.
 
     Deviates from the paper, which takes the airlight from sky regions and leaves open how.
 
@@ -75,8 +75,9 @@ def estimate(
     elif source == "sky":
         if sky is None or not has_sky:
             raise ValueError('source "sky" needs a sky, and this scene has none: use "auto" or "brightest".')
-        sky_pixels = image[sky]  # in raster order: the last are the lowest
-        airlight = np.median(sky_pixels[-max(1, round(horizon * len(sky_pixels))) :], axis=0)
+        pixels = np.flatnonzero(sky)  # in raster order: the last are the lowest
+        lowest = pixels[-max(1, round(horizon * pixels.size)) :]
+        airlight = np.median(image.reshape(-1, 3)[lowest], axis=0)
     else:
         airlight = np.median(_brightest_patches(image, share, patch), axis=0)
     if airlight.shape != (3,) or not np.isfinite(airlight).all() or (source == "given" and airlight.min() < 0):

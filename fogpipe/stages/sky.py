@@ -48,7 +48,7 @@ def identify(
 
     Notes
     -----
-    One labelling, about 12 ns per pixel.
+    One labelling, about 12 ns per pixel; 0.5 ns where nothing is unknown.
 
     Deviates from the paper: it takes the largest regions wherever they are (``touching="any"``), which makes sky
     of a large hole in an indoor scene.
@@ -58,7 +58,9 @@ def identify(
     Hansard 2019, *Fast synthesis of atmospheric image effects*, section 4.1.
     """
     require_maps(range_map=(range_map, 1))
-    unknown = np.isnan(range_map)
+    unknown, infinite = np.isnan(range_map), np.isposinf(range_map)
+    if not unknown.any():
+        return Undefined(infinite, unknown)
     labels, count = regions.label(unknown)
     is_sky = regions.areas(labels, count) >= min_area * range_map.size
     if touching == "top":
@@ -67,13 +69,14 @@ def identify(
         horizon = after[is_sky & (first == 0)].max(initial=0)
         is_sky &= (first + after) / 2 < horizon
     borders_measured = np.zeros(count + 1, bool)
-    borders_measured[labels.ravel()[regions.border_pairs(unknown, np.isfinite(range_map))[0]]] = True
+    borders_measured[labels[regions.border(unknown, np.isfinite(range_map))]] = True
     is_sky |= ~borders_measured[1:]
-    sky = np.isposinf(range_map) | np.append(False, is_sky)[labels]
+    sky = infinite | np.append(False, is_sky)[labels]
     return Undefined(sky, unknown & ~sky)
 
 
 def _no_sky(sky: Mask) -> str | None:
+    """skipped where the scene has no sky"""
     return None if sky.any() else "the scene has no sky"
 
 
@@ -113,8 +116,15 @@ def matte(
 
     Notes
     -----
-    At the border of the image, and at an unfilled hole, S has no slope. Costs a distance transform (7 ns per pixel)
-    and, for each pixel of the margin, about 2 µs and 0.5 kB (direct) or 0.15 µs (jacobi, µ = 12).
+    At the border of the image, and at an unfilled hole, S has no slope. In the margin the sky is seen through less haze
+    than beyond it, which shows as a halo where clouds or a blue sky differ from the airlight; so make it no wider than
+    the outlines of range and image disagree: 2 to 4 px for exact range, more for lidar.
+
+    After 2µ sweeps from Smax, the Jacobi solver is still 0.28 Rmax away from the solution for µ = 12 (root mean square,
+    0.17 for µ = 4): about µ² sweeps are needed, since values walk through the margin at random. Its ramp is steeper.
+
+    Costs a distance transform (7 ns per pixel) and, for each pixel of the margin, about 2 µs and 0.5 kB (direct) or
+    0.15 µs (jacobi, µ = 12).
 
     References
     ----------

@@ -175,6 +175,7 @@ def test_replay_of_something_else_is_refused(fogpipe_cli, tmp_path: Path, conten
         (["run", "hansard2019", "--scene", "sample:motorcycle", "--set", "fog"], "--set fog"),
         (["run", "hansard2019", "--scene", "sample:motorcycle", "--tolerance", "0"], "greater than 0"),
         (["run", "hansard2019", "--scene", "sample:motorcycle", "--image-format", "gif"], "png16"),
+        (["run", "hansard2019", "--scene", "sample:motorcycle", "--map-format", "png"], "range is a Range [m]"),
         (["run", "hansard2019", "--scene", "sample:motorcycle", "--plugins", "nowhere"], "does not exist"),
         (["nothing"], "No such command"),
     ],

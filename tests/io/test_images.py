@@ -137,6 +137,14 @@ def test_the_default_exr_is_half_unless_a_value_is_too_large():
     assert picture.pixels[0, 0, 0] == 1e6
 
 
+def test_what_is_too_large_for_a_float_is_infinite_or_refused():
+    pixels = 1e300 * pixels_of(1).astype(np.float64)
+    with pytest.raises(OutputError, match="Radiance HDR cannot hold them"):
+        encode_image(pixels, ".hdr")
+    with pytest.raises(InputError, match="infinite of 126 values"):
+        decode_image(encode_image(pixels, ".exr"))
+
+
 def test_the_same_picture_gives_the_same_bytes():
     for suffix in (".png", ".jpg", ".tif", ".webp", ".exr", ".hdr", ".npy"):
         assert encode_image(pixels_of(3), suffix) == encode_image(pixels_of(3), suffix), suffix
@@ -213,7 +221,10 @@ def test_any_layout_of_an_array_will_do():
         (np.zeros((4, 5), bool), "dtype bool"),
         (np.zeros((4, 5, 3), np.int64), "dtype int64"),
         (np.zeros((4, 5, 3), np.complex64), "dtype complex64"),
-        (np.array([[[0, np.inf, np.nan]]]), "holds 1 NaN and 1 infinite of 3 values, the first at row 0, column 0"),
+        (
+            np.array([[[0, np.inf, np.nan]]]),
+            "^the array holds 1 NaN and 1 infinite of 3 values, the first at row 0, column 0",
+        ),
     ],
 )
 def test_what_is_no_picture_is_refused(array, message):
@@ -233,6 +244,7 @@ def test_what_is_no_picture_is_refused(array, message):
         (".jpg", {"bits": 16}, "JPEG has no 16 bits per sample. Choose 8"),
         (".npy", {"bits": 16}, "Choose none"),
         (".png", {"alpha": np.ones((2, 2), np.float32)}, r"alpha channel is \(2, 2\)"),
+        (".png", {"alpha": np.full((6, 7), np.nan)}, "alpha channel holds NaN"),
     ],
 )
 def test_what_a_format_cannot_hold_is_refused(tmp_path, suffix, options, message):

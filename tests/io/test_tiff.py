@@ -25,6 +25,15 @@ def tiff(samples: np.ndarray, **options: object) -> bytes:
     return stream.getvalue()
 
 
+def twelve_bits() -> bytes:
+    """A grey TIFF of 16 bits whose header is changed to 12."""
+    data = bytearray(tiff(np.zeros((2, 4), np.uint16)))
+    with tifffile.TiffFile(BytesIO(data)) as file:
+        place = file.pages.first.tags["BitsPerSample"].valueoffset
+    data[place] = 12
+    return bytes(data)
+
+
 def deep(*shape: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 65536, shape).astype(np.uint16)
 
@@ -115,6 +124,8 @@ def test_8_bits_in_any_compression(compression):
         (tiff(deep(3, 5, 3).astype(np.int16)), "3 channels of int16"),
         (tiff(deep(3, 5, 3).astype(np.uint32)), "3 channels of uint32"),
         (tiff(deep(3, 5, 4), photometric="separated"), "4 channels of uint16"),
+        (tiff(deep(3, 5).astype(np.float32), photometric="miniswhite"), "1 channels of float32"),
+        (twelve_bits(), r"uint16 \(12 bits"),
         (tiff(deep(3, 5, 6), planarconfig="contig", extrasamples=[0, 0, 0]), "6 channels of uint16"),
     ],
 )

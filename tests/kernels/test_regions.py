@@ -23,6 +23,15 @@ def test_row_spans():
     assert regions.row_spans(np.zeros((3, 4), np.int32))[0].size == 0
 
 
+def test_the_border_is_inside():
+    wide = np.zeros((5, 6), bool)
+    wide[1:4, 1:5] = True
+    inner = np.zeros_like(wide)
+    inner[2, 2:4] = True
+    np.testing.assert_array_equal(regions.border(wide, ~wide), wide & ~inner)
+    assert not regions.border(wide, np.zeros_like(wide)).any()
+
+
 def test_border_pairs_are_all_edges_between_two_masks():
     inside, outside = regions.border_pairs(MASK, ~MASK)
     edges = set(zip(inside.tolist(), outside.tolist(), strict=True))

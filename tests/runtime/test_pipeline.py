@@ -9,7 +9,6 @@ import pytest
 
 import fogpipe
 from fogpipe.errors import ExpectationError, InputError, PipelineError
-
 from tests.conftest import TOY_STAGES
 
 TEXT = """\
