@@ -10,26 +10,22 @@ processes may share a cache. A damaged entry is dropped and computed again. Noth
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
-import inspect
 import json
 import os
 import shutil
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
 import fogpipe
 from fogpipe.errors import InputError
 from fogpipe.pipeline.graph import Node
+from fogpipe.runtime.code import code_digest
 
 DEFAULT_LIMIT = 4 * 2**30
 _INDEX = "entry.json"
@@ -152,25 +148,3 @@ def _read(path: Path, expected: str) -> np.ndarray:
         raise ValueError(f"{path} is damaged")
     array.flags.writeable = False
     return array
-
-
-@functools.cache
-def code_digest(function: Callable[..., Any]) -> str:
-    """Digest of the source of a function's module and of the modules of its package which that uses."""
-    package = function.__module__.partition(".")[0]
-    modules: dict[str, ModuleType] = {}
-    pending = [function.__module__]
-    while pending:
-        name = pending.pop()
-        if name in modules or name not in sys.modules:
-            continue
-        modules[name] = sys.modules[name]
-        for value in list(vars(modules[name]).values()):
-            home = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
-            if isinstance(home, str) and home.partition(".")[0] == package:
-                pending.append(home)
-    state = hashlib.blake2b(digest_size=20)
-    for name in sorted(modules):
-        with contextlib.suppress(OSError, TypeError):
-            state.update(inspect.getsource(modules[name]).encode())
-    return state.hexdigest()

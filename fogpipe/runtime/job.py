@@ -47,8 +47,8 @@ def run_job(
 ) -> dict[str, Any]:
     """Run a pipeline on files and write everything into ``folder``; returns the record.
 
-    The outputs are written only when all of them have been computed, the record last: a folder with
-    a ``run.json`` is complete.
+    The outputs are written only when all of them have been computed, and the record last, after an older one was
+    taken away: a folder with a ``run.json`` is complete, and of one run.
 
     Parameters
     ----------
@@ -72,6 +72,7 @@ def run_job(
     if sheet:
         sheet.inputs(inputs)
     result = run_plan(plan, inputs, workers=workers, cache=cache, observer=sheet or observer)
+    (folder / RECORD_NAME).unlink(missing_ok=True)
     files = _write_outputs(pipeline.graph, plan.outputs, result, inputs, options, folder)
     if sheet:
         sheet.write(folder / SHEET_NAME)
@@ -100,7 +101,7 @@ def replay_job(
     pipeline = Pipeline(replace(graph, source=before["source"]), registry)
     after = run_job(pipeline, request, options, folder, workers=workers, observer=observer, expected_inputs=before)
     if changed := changed_outputs(before, after):
-        others = ", ".join(changed_versions(before)) or "no library has changed its version"
+        others = ", ".join(changed_versions(before, after)) or "no library or stage has changed since"
         raise ReplayError(f"{', '.join(changed)} came out differently than in {path} ({others}).")
     return after
 

@@ -14,8 +14,10 @@ from typing import Any
 
 import fogpipe
 from fogpipe.errors import InputError
+from fogpipe.pipeline.graph import Node
 from fogpipe.pipeline.plan import Plan
 from fogpipe.runtime.cache import digest
+from fogpipe.runtime.code import code_digest
 from fogpipe.runtime.inputs import Inputs, Request
 from fogpipe.runtime.pipeline import Result
 
@@ -70,11 +72,7 @@ def make_record(
             name: _describe(graph.kind(plan.outputs[name]).name, array) | files.get(name, {})
             for name, array in result.items()
         },
-        "stages": [
-            asdict(report)
-            | {"version": plan.nodes[report.name].contract.mark.version, "origin": plan.nodes[report.name].origin}
-            for report in result.reports
-        ],
+        "stages": [asdict(report) | _facts(plan.nodes[report.name]) for report in result.reports],
         "pruned": list(plan.pruned),
         "expectations_missed": list(result.missed),
         "seconds": seconds,
@@ -119,10 +117,15 @@ def changed_outputs(record: Mapping[str, Any], outcome: Mapping[str, Any]) -> li
     ]
 
 
-def changed_versions(record: Mapping[str, Any]) -> list[str]:
-    """Libraries whose version is not the recorded one, in words."""
-    now = _versions()
-    return [f"{name} {then} → {now.get(name)}" for name, then in record["versions"].items() if now.get(name) != then]
+def changed_versions(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """Libraries and stages that are not the same in two records, in words."""
+    now = after["versions"]
+    libraries = [
+        f"{name} {then} → {now.get(name)}" for name, then in before["versions"].items() if now.get(name) != then
+    ]
+    code = {stage["name"]: stage["code"] for stage in before["stages"]}
+    changed = [stage["name"] for stage in after["stages"] if code.get(stage["name"]) != stage["code"]]
+    return libraries + ([f"the code of {', '.join(changed)} has changed"] if changed else [])
 
 
 def peak_memory() -> int | None:
@@ -146,6 +149,11 @@ def _finite(data: Any) -> Any:
     if isinstance(data, (list, tuple)):
         return [_finite(value) for value in data]
     return str(data) if isinstance(data, float) and not math.isfinite(data) else data
+
+
+def _facts(node: Node) -> dict[str, Any]:
+    mark = node.contract.mark
+    return {"version": mark.version, "origin": node.origin, "code": code_digest(node.contract.function)}
 
 
 def _describe(kind: str, array: Any) -> dict[str, Any]:

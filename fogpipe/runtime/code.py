@@ -1,0 +1,59 @@
+"""What the code of a stage is: its module, and what that imports of its own package, however deep."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+
+@functools.cache
+def code_digest(function: Callable[..., Any]) -> str:
+    """Digest of the source of a function's module and of all that it imports of the same package.
+
+    The imports are read from the source, those inside functions included, so that a kernel counts before it is
+    first used. Other packages are not followed: their versions stand for them.
+    """
+    package = function.__module__.partition(".")[0]
+    sources: dict[str, bytes] = {}
+    pending = [function.__module__]
+    while pending:
+        name = pending.pop()
+        path = _source_file(name)
+        if name in sources or path is None:
+            continue
+        sources[name] = path.read_bytes()
+        pending += [found for found in _imports(sources[name], name) if found.partition(".")[0] == package]
+    state = hashlib.blake2b(digest_size=20)
+    for name in sorted(sources):
+        state.update(sources[name])
+    return state.hexdigest()
+
+
+def _source_file(name: str) -> Path | None:
+    """The file of a module, found without importing it."""
+    package, *parts = name.split(".")
+    if name in sys.modules:
+        path = Path(getattr(sys.modules[name], "__file__", None) or "")
+        return path if path.suffix == ".py" and path.is_file() else None
+    for folder in getattr(sys.modules.get(package), "__path__", ()):
+        for path in (Path(folder, *parts).with_suffix(".py"), Path(folder, *parts, "__init__.py")):
+            if path.is_file():
+                return path
+    return None
+
+
+def _imports(source: bytes, module: str) -> Iterator[str]:
+    """Names that may be modules, of every import statement in a source."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = module.split(".")[: -node.level] if node.level else []
+            origin = ".".join([*above, *([node.module] if node.module else [])])
+            yield origin
+            yield from (f"{origin}.{alias.name}" for alias in node.names)
