@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -133,6 +133,7 @@ def fill_holes(
     samples: Annotated[int, Ge(1)] = 32,
     jump: Annotated[float, Gt(0)] = 0.05,
     largest: Annotated[float, Gt(0), Le(1)] = 0.5,
+    at_edge: Literal["nearest", "consensus"] = "nearest",
 ) -> Range:
     r"""Give each hole one range, the one that fits most of its boundary.
 
@@ -153,6 +154,9 @@ def fill_holes(
     samples : Values tried for each hole.
     jump : s, the jump that costs half of the most, as a share of the range that is tried.
     largest : Share of the image above which a hole is refused, since one range cannot stand for it.
+    at_edge : What fills a hole that reaches the edge of the image: ``"nearest"``, each pixel the range of the nearest
+        measured one, so that the frame around a registered depth map continues what it frames; or ``"consensus"``,
+        one range as for every other hole.
 
     Returns
     -------
@@ -169,7 +173,8 @@ def fill_holes(
     Time and memory grow with the pixels of all boundaries: ``samples`` passes over them, whatever the
     number of holes.
 
-    Deviates from the paper: it names neither the robust cost nor the number of samples.
+    Deviates from the paper: it names neither the robust cost nor the number of samples, and makes no difference
+    for holes at the edge (``at_edge="consensus"``).
 
     References
     ----------
@@ -190,7 +195,22 @@ def fill_holes(
     fill = np.full(count + 1, np.nan)
     fill[1:] = _consensus(hole_of_edge - 1, edge_range, count, rng, samples, jump)
     filled[unknown] = fill[labels[unknown]]
+    if at_edge == "nearest":
+        _continue_to_edge(filled, range_map, labels)
     return filled
+
+
+def _continue_to_edge(filled: np.ndarray, range_map: np.ndarray, labels: np.ndarray) -> None:
+    """Fill, in place, each region that reaches the edge of the image with the nearest measured range."""
+    edge = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    reaching = np.isin(labels, edge[edge > 0])
+    if not reaching.any():
+        return
+    from scipy.ndimage import distance_transform_edt
+
+    unmeasured = ~np.isfinite(range_map)
+    rows, columns = distance_transform_edt(unmeasured, return_distances=False, return_indices=True)  # type: ignore[misc]
+    filled[reaching] = range_map[rows[reaching], columns[reaching]]
 
 
 def _refuse_above(largest: float, shares: np.ndarray) -> None:

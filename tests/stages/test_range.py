@@ -56,7 +56,7 @@ def test_every_hole_gets_one_value_of_its_own_boundary():
     range_map = noise.uniform(2, 9, (60, 80)).astype(np.float32)
     holes = noise.random((60, 80)) < 0.3
     range_map[holes] = np.nan
-    filled = fill_holes(range_map, holes, rng=rng())
+    filled = fill_holes(range_map, holes, rng=rng(), at_edge="consensus")
     labels, count = regions.label(holes)
     inside, outside = regions.border_pairs(holes, ~holes)
     assert count > 100
@@ -137,3 +137,20 @@ def test_real_structured_light(shared_data):
     assert not undefined.sky.any()
     assert np.isfinite(filled).all()
     np.testing.assert_array_equal(filled[code > 0], range_map[code > 0])
+
+
+def test_a_hole_at_the_edge_continues_what_it_frames():
+    range_map = np.tile(np.array([np.nan, np.nan, 2.0, 3.0, 5.0, np.nan], np.float32), (4, 1))
+    holes = np.isnan(range_map)
+    range_map[0, 3], range_map[3, 4] = 3.5, 6.0
+    filled = fill_holes(range_map, holes, rng=rng())
+    np.testing.assert_array_equal(filled[:, :2], 2.0)
+    np.testing.assert_array_equal(filled[:, 5], [5, 5, 5, 6])
+
+
+def test_a_hole_at_the_edge_can_be_filled_like_every_other():
+    range_map = np.array([[np.nan, 2, 2, 2], [np.nan, 9, 2, 2], [np.nan, 2, 2, 2]], np.float32)
+    filled = fill_holes(range_map, np.isnan(range_map), rng=rng(), at_edge="consensus")
+    np.testing.assert_array_equal(filled[:, 0], 2.0)
+    nearest = fill_holes(range_map, np.isnan(range_map), rng=rng())
+    np.testing.assert_array_equal(nearest[:, 0], [2, 9, 2])
