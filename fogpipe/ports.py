@@ -61,6 +61,15 @@ class Kind:
         """Whether the value is a single number."""
         return self.shapes == ((),)
 
+    def sizes(self, array: np.ndarray) -> dict[str, int]:
+        """What the letters of the shape stand for in ``array``: its height H and width W."""
+        shape = next((shape for shape in self.shapes if _same_shape(array.shape, shape)), ())
+        return {symbol: size for symbol, size in zip(shape, array.shape, strict=True) if isinstance(symbol, str)}
+
+    def is_per_pixel(self, array: np.ndarray) -> bool:
+        """Whether ``array`` holds a value for each pixel, rather than a few numbers for all."""
+        return bool(self.sizes(array))
+
     def __str__(self) -> str:
         return self.name if self.unit == "1" else f"{self.name} [{self.unit}]"
 

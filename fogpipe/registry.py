@@ -8,6 +8,7 @@ stages are found the same way. Nothing is imported before a pipeline needs that 
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import importlib.util
 import sys
@@ -103,7 +104,7 @@ class Registry:
             for source in self.sources.get(subject, []):
                 try:
                     stages = _united(stages, _stages_in(source))
-                except Exception as error:  # a broken plugin must not take the others down
+                except (Exception, SystemExit) as error:  # a broken plugin must not take the others down
                     self.failures[subject] = f"{source.origin}: {type(error).__name__}: {error}"
             self._loaded[subject] = dict(sorted(stages.items()))
         return self._loaded[subject]
@@ -111,7 +112,8 @@ class Registry:
 
 def _stages_in(source: Source) -> dict[str, Contract]:
     stages: dict[str, Contract] = {}
-    module = source.load()
+    with contextlib.redirect_stdout(sys.stderr):  # standard output is for results
+        module = source.load()
     for value in vars(module).values():
         if not is_stage(value):
             continue

@@ -18,6 +18,8 @@ def command(
     camera: o.CameraFile = None,
     settings: o.Settings = None,
     to: o.Outputs = None,
+    seed: o.Seed = None,
+    tolerance: o.Tolerance = None,
     cache: o.CacheFolder = None,
     plugins: o.Plugins = None,
     as_json: o.AsJson = False,
@@ -30,13 +32,13 @@ def command(
     from fogpipe.runtime.inputs import inputs_from_request
     from fogpipe.runtime.preview import preview
 
-    plan = o.load_pipeline(pipeline, settings, plugins).plan(to)
+    plan = o.load_pipeline(pipeline, settings, plugins, seed, tolerance).plan(to)
     given = inputs_from_request(plan, o.make_request(scene, inputs, depth, camera)) if scene or inputs else None
-    found = preview(plan, given.values if given else None, Cache(cache) if cache else None)
+    found = preview(plan, given.values if given else None, Cache(cache, read_only=True) if cache else None)
     if as_json:
         typer.echo(json.dumps(asdict(found), indent=2, ensure_ascii=False))
         return
-    width = max(len(row.name) for row in found.rows)
+    width = max((len(row.name) for row in found.rows), default=0)
     for row in found.rows:
         typer.echo(f"{row.name:<{width}}  {row.use:<24} {row.fate:<8} {row.reason}".rstrip())
     if found.decided_by:

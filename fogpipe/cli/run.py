@@ -36,7 +36,8 @@ def command(
     from fogpipe.kernels.bands import set_threads
     from fogpipe.runtime.cache import Cache
     from fogpipe.runtime.job import run_job
-    from fogpipe.runtime.record import Options, strict_json
+    from fogpipe.runtime.outputs import Options
+    from fogpipe.runtime.record import strict_json
 
     if threads:
         set_threads(threads)

@@ -16,6 +16,9 @@ from fogpipe.ports import Kind, known_kinds
 from fogpipe.registry import Registry
 from fogpipe.stage import Contract, Port
 
+RESERVED = frozenset({"self", "to", "workers", "cache", "observer"})
+"""Names that an input cannot have, since it is given as a keyword argument beside these."""
+
 
 def check(spec: Spec, registry: Registry) -> Graph:
     """Build the graph of a spec.
@@ -50,7 +53,7 @@ class _Checker:
         nodes = {name: self._node(name, contract) for name, contract in self.contracts.items()}
         outputs = {name: ref for name, text in self.file.outputs.items() if (ref := self._output(name, text))}
         expectations = [found for name in self.file.expect if (found := self._expectation(name))]
-        if not self.file.outputs and not any(problem.where == "outputs" for problem in self.spec.problems):
+        if not self.file.outputs and not any(problem.where in ("file", "outputs") for problem in self.spec.problems):
             self.spec.problem(("outputs",), "is empty; name at least one output.")
         order = self._order(nodes)
         self._report_unused()
@@ -82,6 +85,8 @@ class _Checker:
             if kind not in kinds:
                 self.spec.problem(("inputs", name), f'there is no kind "{kind}".{suggestion(kind, kinds)}')
                 self.unresolved.add(name)
+            elif name in RESERVED:
+                self.spec.problem(("inputs", name), "is an option of Pipeline.run; choose another name.")
             elif name in self.file.stages:
                 self.spec.problem(("inputs", name), "is also the name of a stage; rename one of them.")
             else:
@@ -180,7 +185,7 @@ class _Checker:
         if fault["type"] == "extra_forbidden":
             hint = suggestion(key, contract.model.model_fields)
             self.spec.problem(path, f"is not a parameter of {contract.name}.{hint}")
-        elif fault["type"] == "missing":
+        elif fault["type"] == "missing" and len(fault["loc"]) == 1:
             self.spec.problem(("stages", name), f"{contract.name} needs the parameter {key} under 'with'.")
         else:
             message = fault["msg"].replace("Input should", "should")
@@ -212,7 +217,7 @@ class _Checker:
             self.spec.problem(path, f"is {_article(kind.name)}; only a single number can be expected.")
             return None
         try:
-            return Expectation.parse(ref, self.file.expect[name])
+            return Expectation.parse(name, ref, self.file.expect[name])
         except ValueError as error:
             self.spec.problem(path, str(error))
             return None

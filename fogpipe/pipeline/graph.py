@@ -60,24 +60,25 @@ _COMPARISONS: dict[str, Callable[[float, float], bool]] = {
 class Expectation:
     """A bound on a number that the graph computes, such as ``psnr: ">= 40"``."""
 
+    name: str
     ref: Ref
     comparison: str
     bound: float
 
     @classmethod
-    def parse(cls, ref: Ref, text: str) -> Expectation:
+    def parse(cls, name: str, ref: Ref, text: str) -> Expectation:
         """Read ``">= 40"``; ValueError where it is something else."""
         match = re.fullmatch(r"\s*(>=|<=|>|<)\s*(\S+)\s*", text)
         if not match:
             raise ValueError(f'"{text}" is not a bound; write it as ">= 40".')
-        return cls(ref, match[1], float(match[2]))
+        return cls(name, ref, match[1], float(match[2]))
 
     def holds(self, value: float) -> bool:
         """Whether ``value`` meets the bound; NaN never does."""
         return _COMPARISONS[self.comparison](value, self.bound)
 
     def __str__(self) -> str:
-        return f"{self.ref} {self.comparison} {self.bound:g}"
+        return f"{self.name} {self.comparison} {self.bound:g}"
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class Graph:
                 for name, node in self.nodes.items()
             },
             "outputs": {name: str(ref) for name, ref in self.outputs.items()},
-            "expect": {str(e.ref): f"{e.comparison} {e.bound!r}" for e in self.expectations},
+            "expect": {e.name: f"{e.comparison} {e.bound!r}" for e in self.expectations},
         }
 
 

@@ -35,7 +35,7 @@ class Plan:
     @property
     def expectations(self) -> tuple:
         """The expectations that this part of the graph can answer without further work."""
-        return tuple(e for e in self.graph.expectations if e.ref.node in self.nodes or e.ref.node in self.graph.inputs)
+        return tuple(e for e in self.graph.expectations if e.ref.node in self.nodes or e.ref.node in self.inputs)
 
 
 def make_plan(graph: Graph, to: Iterable[str] | None = None) -> Plan:

@@ -20,12 +20,14 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         definitions[name] = _stage(contract)
         for key, value in definitions[name].pop("$defs", {}).items():
             definitions.setdefault(key, value)
+    ports = (port for contract in stages.values() for port in (*contract.inputs, *contract.outputs))
+    kinds = known_kinds().keys() | {port.kind.name for port in ports}
     uses = {"properties": {"use": {"enum": sorted(stages)}}}
     branches = [
         {"if": {"properties": {"use": {"const": name}}}, "then": {"$ref": f"#/$defs/{name}"}} for name in stages
     ]
     definitions["StageUse"]["allOf"] = [uses, *branches]
-    schema["properties"]["inputs"]["additionalProperties"] = {"enum": sorted(known_kinds())}
+    schema["properties"]["inputs"]["additionalProperties"] = {"enum": sorted(kinds)}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "fogpipe pipeline"
     return schema

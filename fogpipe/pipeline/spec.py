@@ -126,8 +126,8 @@ def _apply(overrides: Mapping[str, Any], data: dict[str, Any], problems: list[Pr
     for name, value in overrides.items():
         stage, dot, parameter = name.partition(".")
         if dot and isinstance(stages.get(stage), dict):
-            if not isinstance(stages[stage].get("with"), dict):
-                stages[stage]["with"] = {}
+            if not isinstance(stages[stage].setdefault("with", {}), dict):
+                continue  # which is reported as it is
             replaced["stages", stage, "with", parameter] = stages[stage]["with"].get(parameter)
             stages[stage]["with"][parameter] = value
         elif not dot and name in params:
@@ -151,6 +151,7 @@ def _validate(data: dict[str, Any], document: Document, problems: list[Problem])
         try:
             return PipelineFile.model_validate(data), broken
         except ValidationError as error:
+            left_out: list[Path] = []
             for fault in error.errors():
                 path = tuple(part for part in fault["loc"] if part != "[key]")
                 place: Place = document.place(path)
@@ -158,7 +159,9 @@ def _validate(data: dict[str, Any], document: Document, problems: list[Problem])
                 if path[0] == "stages" and len(path) > 1 and (len(path) == 2 or path[2] == "use"):
                     broken.add(str(path[1]))
                     path = path[:2]
-                _leave_out(data, path)
+                if not any(path[: len(gone)] == gone for gone in left_out):
+                    _leave_out(data, path)
+                    left_out.append(path)
 
 
 def _explain(fault: Any, path: Path) -> str:
@@ -182,7 +185,5 @@ def _leave_out(data: Any, path: Path) -> None:
         data = data[part]
     if not parents and last in _FALLBACK:
         data[last] = copy.deepcopy(_FALLBACK[last])
-    elif isinstance(data, dict):
+    else:
         data.pop(last, None)
-    elif isinstance(data, list):
-        data.pop(int(last))

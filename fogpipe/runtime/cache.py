@@ -54,7 +54,9 @@ class Cache:
     Parameters
     ----------
     folder : made when missing.
-    limit : bytes; when a new entry exceeds it, the entries used longest ago are dropped.
+    limit : bytes; when a new entry exceeds it, the entries used longest ago are dropped. Processes that share a cache
+        count what the others store only when they themselves reach the limit.
+    read_only : look results up, but keep none.
 
     Raises
     ------
@@ -62,9 +64,13 @@ class Cache:
         If the folder cannot be made or written to.
     """
 
-    def __init__(self, folder: Path | str, limit: int = DEFAULT_LIMIT) -> None:
+    def __init__(self, folder: Path | str, limit: int = DEFAULT_LIMIT, *, read_only: bool = False) -> None:
         self.folder = Path(folder)
         self.limit = limit
+        self.read_only = read_only
+        self._held: int | None = None
+        if read_only:
+            return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=self.folder).close()
@@ -90,10 +96,14 @@ class Cache:
         """The entry at ``key`` if it is there and whole; a damaged one is removed."""
         folder = self._place(key)
         try:
-            digests = json.loads((folder / _INDEX).read_text())["digests"]
+            index = (folder / _INDEX).read_text()
+        except OSError:
+            return None
+        try:
+            digests = json.loads(index)["digests"]
             arrays = {port: _read(folder / _file_name(port), expected) for port, expected in digests.items()}
         except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError):
-            if folder.exists():
+            if not self.read_only:
                 shutil.rmtree(folder, ignore_errors=True)
             return None
         with contextlib.suppress(OSError):
@@ -103,6 +113,8 @@ class Cache:
     def store(self, key: str, arrays: Mapping[str, np.ndarray]) -> dict[str, str]:
         """Keep a result and return its digests. A cache that cannot be written to does not fail the run."""
         digests = {port: digest(array) for port, array in arrays.items()}
+        if self.read_only:
+            return digests
         target = self._place(key)
         with contextlib.suppress(OSError):
             target.parent.mkdir(exist_ok=True)
@@ -113,13 +125,17 @@ class Cache:
                     np.save(folder / _file_name(port), array, allow_pickle=False)
                 (folder / _INDEX).write_text(json.dumps({"digests": digests}))
                 os.rename(folder, target)  # fails, harmlessly, when another process was first
-        self._evict(keep=target)
+        if self._held is not None:
+            self._held += sum(array.nbytes for array in arrays.values())
+        if self._held is None or self._held > self.limit:
+            self._held = self._evict(keep=target)
         return digests
 
     def _place(self, key: str) -> Path:
         return self.folder / key[:2] / key
 
-    def _evict(self, keep: Path) -> None:
+    def _evict(self, keep: Path) -> int:
+        """Drop what is over the limit, and what killed processes left; returns the bytes that remain."""
         entries = []
         for folder in self.folder.glob("[0-9a-f][0-9a-f]/*"):
             with contextlib.suppress(OSError):
@@ -136,6 +152,7 @@ class Cache:
             if folder != keep or size > self.limit:
                 shutil.rmtree(folder, ignore_errors=True)
                 total -= size
+        return total
 
 
 def _file_name(port: str) -> str:

@@ -8,6 +8,7 @@ import hashlib
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any
 
 
@@ -16,7 +17,7 @@ def code_digest(function: Callable[..., Any]) -> str:
     """Digest of the source of a function's module and of all that it imports of the same package.
 
     The imports are read from the source, those inside functions included, so that a kernel counts before it is
-    first used. Other packages are not followed: their versions stand for them.
+    first used. Other packages are not followed.
     """
     package = function.__module__.partition(".")[0]
     sources: dict[str, bytes] = {}
@@ -31,7 +32,26 @@ def code_digest(function: Callable[..., Any]) -> str:
     state = hashlib.blake2b(digest_size=20)
     for name in sorted(sources):
         state.update(sources[name])
+        for part in _loaded(name):
+            state.update(part)
     return state.hexdigest()
+
+
+def _loaded(name: str) -> Iterator[bytes]:
+    """The bytecode of a module's functions as they were imported, which a file edited since then is not."""
+    for value in list(vars(sys.modules[name]).values()) if name in sys.modules else ():
+        function = getattr(value, "py_func", value)  # what numba compiled
+        if isinstance(function, FunctionType) and function.__module__ == name:
+            yield from _bytecode(function.__code__)
+
+
+def _bytecode(code: CodeType) -> Iterator[bytes]:
+    yield code.co_code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _bytecode(constant)
+        elif isinstance(constant, (int, float, str, bytes)):
+            yield repr(constant).encode()
 
 
 def _source_file(name: str) -> Path | None:
@@ -48,12 +68,14 @@ def _source_file(name: str) -> Path | None:
 
 
 def _imports(source: bytes, module: str) -> Iterator[str]:
-    """Names that may be modules, of every import statement in a source."""
+    """Names that may be modules, of every import statement in the source of a module."""
+    is_package = hasattr(sys.modules.get(module), "__path__")
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            above = module.split(".")[: -node.level] if node.level else []
+            parts = [*module.split("."), "__init__"] if is_package else module.split(".")
+            above = parts[: -node.level] if node.level else []
             origin = ".".join([*above, *([node.module] if node.module else [])])
             yield origin
             yield from (f"{origin}.{alias.name}" for alias in node.names)

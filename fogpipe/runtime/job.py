@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,20 @@ from fogpipe.registry import Registry
 from fogpipe.runtime.cache import Cache
 from fogpipe.runtime.events import Observer, StageReport
 from fogpipe.runtime.inputs import Inputs, Request, inputs_from_request
-from fogpipe.runtime.outputs import check_formats, file_digest, make_folder, write_output
+from fogpipe.runtime.outputs import (
+    RECORD_NAME,
+    SHEET_NAME,
+    Options,
+    check_formats,
+    check_opacity,
+    file_digest,
+    make_folder,
+    publish,
+    staging,
+    write_output,
+)
 from fogpipe.runtime.pipeline import Pipeline, Result, run_plan
 from fogpipe.runtime.record import (
-    Options,
     changed_inputs,
     changed_outputs,
     changed_versions,
@@ -29,9 +38,6 @@ from fogpipe.runtime.record import (
     read_record,
     strict_json,
 )
-
-RECORD_NAME = "run.json"
-SHEET_NAME = "sheet.png"
 
 
 def run_job(
@@ -47,8 +53,8 @@ def run_job(
 ) -> dict[str, Any]:
     """Run a pipeline on files and write everything into ``folder``; returns the record.
 
-    The outputs are written only when all of them have been computed, and the record last, after an older one was
-    taken away: a folder with a ``run.json`` is complete, and of one run.
+    Everything is written to a folder of its own first and then moved, the record last: a folder with a ``run.json`` is
+    complete, and a run that fails leaves what was there before. The files of an older run go when the new ones come.
 
     Parameters
     ----------
@@ -63,21 +69,23 @@ def run_job(
     """
     started = time.perf_counter()
     plan = pipeline.plan(options.to)
-    check_formats(plan, options.image_format, options.map_format)
+    check_formats(plan, options)
     inputs = inputs_from_request(plan, request)
     if expected_inputs and (changed := changed_inputs(expected_inputs, inputs)):
         raise InputError(f"the content of {', '.join(changed)} is not what it was in the recorded run.")
+    check_opacity(inputs, options)
     make_folder(folder)
     sheet = _SheetObserver(pipeline.graph, observer or Observer()) if options.sheet else None
     if sheet:
         sheet.inputs(inputs)
     result = run_plan(plan, inputs, workers=workers, cache=cache, observer=sheet or observer)
-    (folder / RECORD_NAME).unlink(missing_ok=True)
-    files = _write_outputs(pipeline.graph, plan.outputs, result, inputs, options, folder)
-    if sheet:
-        sheet.write(folder / SHEET_NAME)
-    record = make_record(plan, request, options, inputs, result, files, time.perf_counter() - started)
-    _write_json(folder / RECORD_NAME, record)
+    with staging(folder) as draft:
+        files = _write_outputs(pipeline.graph, plan.outputs, result, inputs, options, draft)
+        if sheet:
+            sheet.write(draft / SHEET_NAME)
+        record = make_record(plan, request, options, inputs, result, files, time.perf_counter() - started)
+        (draft / RECORD_NAME).write_text(strict_json(record), encoding="utf-8")
+        publish(draft, folder)
     return record
 
 
@@ -94,11 +102,12 @@ def replay_job(
         If an output came out differently; names the libraries that have changed since.
     """
     before = read_record(path)
-    options = Options(**before["options"])
+    try:
+        options, request = Options(**before["options"]), Request(**before["request"])
+    except TypeError as error:
+        raise InputError(f"{path} is damaged: {error}.") from error
     registry = Registry(options.plugins)
-    graph = check(spec_from_data(before["pipeline"], before["source"]), registry)
-    request = Request(**before["request"])
-    pipeline = Pipeline(replace(graph, source=before["source"]), registry)
+    pipeline = Pipeline(check(spec_from_data(before["pipeline"], before["source"]), registry), registry)
     after = run_job(pipeline, request, options, folder, workers=workers, observer=observer, expected_inputs=before)
     if changed := changed_outputs(before, after):
         others = ", ".join(changed_versions(before, after)) or "no library or stage has changed since"
@@ -124,13 +133,6 @@ def _write_outputs(
         if path:
             files[name] = {"file": path.name, "sha256": file_digest(path)}
     return files
-
-
-def _write_json(path: Path, data: Mapping[str, Any]) -> None:
-    from fogpipe.io.atomic import atomic_write
-
-    with atomic_write(path) as temporary:
-        temporary.write_text(strict_json(data), encoding="utf-8")
 
 
 class _SheetObserver(Observer):

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Mapping
+import json
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,34 +18,104 @@ import numpy as np
 from fogpipe.errors import OutputError, RequestError
 from fogpipe.pipeline.plan import Plan
 from fogpipe.ports import MAP, Color, Kind
+from fogpipe.runtime.inputs import Inputs
+
+RECORD_NAME = "run.json"
+SHEET_NAME = "sheet.png"
+_DRAFT = ".fogpipe-run-"
+_ABANDONED = 3600.0
 
 IMAGE_FORMATS = ("png", "png16", "jpg", "webp", "tif", "exr", "hdr", "npy")
+WITHOUT_OPACITY = ("jpg", "hdr")
 MAP_FORMATS = ("npy", "exr", "tif", "png")
 
 
-def check_formats(plan: Plan, image_format: str, map_format: str) -> None:
+@dataclass(frozen=True)
+class Options:
+    """The choices of a run that shape its files, as plain data that a record can repeat."""
+
+    to: tuple[str, ...] | None = None
+    image_format: str = "png"
+    map_format: str = "npy"
+    plugins: tuple[str, ...] = ()
+    sheet: bool = True
+
+
+def check_formats(plan: Plan, options: Options) -> None:
     """Refuse, before anything is computed, formats that are unknown or cannot hold an output."""
     for option, value, known in (
-        ("--image-format", image_format, IMAGE_FORMATS),
-        ("--map-format", map_format, MAP_FORMATS),
+        ("--image-format", options.image_format, IMAGE_FORMATS),
+        ("--map-format", options.map_format, MAP_FORMATS),
     ):
         if value not in known:
             raise RequestError(f"{option} {value}: choose one of {', '.join(known)}.")
-    for name, ref in plan.outputs.items() if map_format == "png" else ():
+    for name, ref in plan.outputs.items() if options.map_format == "png" else ():
         kind = plan.graph.kind(ref)
         if kind.shapes == MAP and kind.dtype == "float" and not (kind.low >= 0 and kind.high <= 1):
             raise RequestError(f"--map-format png: {name} is a {kind}, and a PNG holds values in [0, 1] only; use exr.")
+    if options.sheet and "sheet" in plan.outputs:
+        raise RequestError('the output "sheet" would be overwritten by the proof sheet; rename it, or use --no-sheet.')
+
+
+def check_opacity(inputs: Inputs, options: Options) -> None:
+    """Refuse a format without opacity for a picture that has one, before anything is computed."""
+    if inputs.alpha is not None and options.image_format in WITHOUT_OPACITY:
+        raise RequestError(
+            f"--image-format {options.image_format} has no room for the opacity of the input picture; "
+            f"choose png, webp, tif or exr, or remove its alpha channel."
+        )
 
 
 def make_folder(folder: Path) -> None:
     """Make the output folder, and make sure that it can be written to, before anything is computed."""
-    import tempfile
-
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
+    except FileExistsError as error:
+        raise OutputError(f"cannot write to {folder}: it is a file, not a folder. Choose another with -o.") from error
     except OSError as error:
         raise OutputError(f"cannot write to {folder}: {error.strerror}. Choose another folder with -o.") from error
+
+
+@contextlib.contextmanager
+def staging(folder: Path) -> Iterator[Path]:
+    """A folder for files that are not complete yet, inside ``folder``; it is gone afterwards.
+
+    What a killed run left there goes too, after an hour.
+    """
+    for left in folder.glob(f"{_DRAFT}*"):
+        if time.time() - left.stat().st_mtime > _ABANDONED:
+            shutil.rmtree(left, ignore_errors=True)
+    try:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=_DRAFT, ignore_cleanup_errors=True) as draft:
+            yield Path(draft)
+    except OSError as error:
+        raise OutputError(f"cannot write to {folder}: {error.strerror or error}. Nothing there was changed.") from error
+
+
+def publish(draft: Path, folder: Path) -> None:
+    """Move complete files from ``draft`` into ``folder``: the old record goes first, the new one comes last."""
+    if (folder / RECORD_NAME).is_dir():
+        raise OutputError(f"cannot write {folder / RECORD_NAME}: it is a folder. Choose another folder with -o.")
+    old = _files_of_record(folder)
+    (folder / RECORD_NAME).unlink(missing_ok=True)
+    names = sorted((path.name for path in draft.iterdir()), key=lambda name: name == RECORD_NAME)
+    for name in old - set(names):
+        (folder / name).unlink(missing_ok=True)
+    for name in names:
+        os.replace(draft / name, folder / name)
+
+
+def _files_of_record(folder: Path) -> set[str]:
+    """Files that an older run wrote here and nobody has changed since."""
+    try:
+        record = json.loads((folder / RECORD_NAME).read_text(encoding="utf-8"))
+        written = {output["file"]: output["sha256"] for output in record["outputs"].values() if "file" in output}
+        sheet = {SHEET_NAME} if record["options"]["sheet"] else set()
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return set()
+    here = {name for name in written if Path(name).name == name and (folder / name).is_file()}
+    return {name for name in here if file_digest(folder / name) == written[name]} | sheet
 
 
 def write_output(
@@ -60,7 +137,7 @@ def write_output(
     from fogpipe.io.images import write_image
     from fogpipe.io.maps import write_map
 
-    if array.ndim < 2 or kind.name == "Camera":
+    if not kind.is_per_pixel(array):
         return None
     if array.ndim == 3 and array.shape[2] == 3:
         path = folder / f"{name}.{image_format.removesuffix('16')}"
@@ -80,8 +157,3 @@ def file_digest(path: Path) -> str:
     """SHA-256 of a file's bytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def numbers(values: Mapping[str, np.ndarray]) -> dict[str, float | list[float]]:
-    """The values that are a few numbers, as plain data."""
-    return {name: array.tolist() for name, array in values.items() if array.ndim < 2}

@@ -7,7 +7,7 @@ import math
 import platform
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,11 @@ import fogpipe
 from fogpipe.errors import InputError
 from fogpipe.pipeline.graph import Node
 from fogpipe.pipeline.plan import Plan
+from fogpipe.ports import Kind
 from fogpipe.runtime.cache import digest
 from fogpipe.runtime.code import code_digest
 from fogpipe.runtime.inputs import Inputs, Request
+from fogpipe.runtime.outputs import Options
 from fogpipe.runtime.pipeline import Result
 
 RECORD_VERSION = 1
@@ -32,17 +34,6 @@ _LIBRARIES = (
     "imageio",
     "OpenEXR",
 )
-
-
-@dataclass(frozen=True)
-class Options:
-    """The choices of a run that shape its files, as plain data that a record can repeat."""
-
-    to: tuple[str, ...] | None = None
-    image_format: str = "png"
-    map_format: str = "npy"
-    plugins: tuple[str, ...] = ()
-    sheet: bool = True
 
 
 def make_record(
@@ -64,12 +55,12 @@ def make_record(
         "request": request.to_data(),
         "options": asdict(options),
         "inputs": {
-            name: _describe(graph.inputs[name].name, array) | {"source": inputs.sources.get(name, "array")}
+            name: _describe(graph.inputs[name], array) | {"source": inputs.sources.get(name, "array")}
             for name, array in inputs.values.items()
         },
         "notes": list(inputs.notes),
         "outputs": {
-            name: _describe(graph.kind(plan.outputs[name]).name, array) | files.get(name, {})
+            name: _describe(graph.kind(plan.outputs[name]), array) | files.get(name, {})
             for name, array in result.items()
         },
         "stages": [asdict(report) | _facts(plan.nodes[report.name]) for report in result.reports],
@@ -156,9 +147,9 @@ def _facts(node: Node) -> dict[str, Any]:
     return {"version": mark.version, "origin": node.origin, "code": code_digest(node.contract.function)}
 
 
-def _describe(kind: str, array: Any) -> dict[str, Any]:
-    facts = {"kind": kind, "shape": list(array.shape), "dtype": str(array.dtype), "digest": digest(array)}
-    return facts | ({"value": array.tolist()} if array.ndim < 2 else {})
+def _describe(kind: Kind, array: Any) -> dict[str, Any]:
+    facts = {"kind": kind.name, "shape": list(array.shape), "dtype": str(array.dtype), "digest": digest(array)}
+    return facts | ({} if kind.is_per_pixel(array) else {"value": array.tolist()})
 
 
 def _versions() -> dict[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import threading
 import time
 from collections import Counter, deque
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fogpipe.errors import StageError
+from fogpipe.kernels.bands import threads
 from fogpipe.pipeline.graph import Node, Ref
 from fogpipe.pipeline.plan import Plan
 from fogpipe.runtime.cache import Cache, digest
@@ -49,7 +49,7 @@ def execute(
     Parameters
     ----------
     inputs : an array for each of the plan's inputs, already checked; they are never written to.
-    workers : stages that may run side by side (default: the number of processors). The result does
+    workers : stages that may run side by side (default: as many as kernels use threads). The result does
         not depend on it.
     cache : where results are looked up and kept.
     observer : is told of every event.
@@ -59,7 +59,7 @@ def execute(
     StageError
         When a stage fails; other stages that had started are waited for.
     """
-    return _Run(plan, inputs, cache, observer or Observer()).execute(workers or os.cpu_count() or 1)
+    return _Run(plan, inputs, cache, observer or Observer()).execute(workers or threads())
 
 
 def random_generator(seed: int, stage_name: str) -> np.random.Generator:
@@ -171,13 +171,13 @@ class _Run:
             return _Done(self._report(node, "cached", started), outputs, digests)
         ports = {port: self.values[ref] for port, ref in node.sources.items()}
         arguments: dict[str, Any] = ports | dict(node.parameters)
+        if reason := identity_reason(node, arguments):
+            passed = {node.outputs[0]: self.values[node.first_source]}
+            return _Done(self._report(node, "skipped", started, reason), passed)
         try:
-            if reason := identity_reason(node, arguments):
-                passed = {node.outputs[0]: self.values[node.first_source]}
-                return _Done(self._report(node, "skipped", started, reason), passed)
             if "rng" in node.contract.injected:
                 arguments["rng"] = random_generator(self.plan.graph.seed, node.name)
-            outputs = dict(_outputs(node, node.contract.function(**arguments)))
+            outputs = dict(_outputs(node, node.contract.function(**arguments), _sizes(node, ports)))
         except Exception as error:
             raise StageError(_describe_failure(node, ports, error)) from error
         kept = self.cache.store(key, {ref.port: array for ref, array in outputs.items()}) if self.cache else {}
@@ -210,15 +210,16 @@ class _Run:
 
     def _hold(self, ref: Ref, array: np.ndarray) -> None:
         self.values[ref] = array
-        self.holders[_buffer(array)] += 1
-        if self.holders[_buffer(array)] == 1:
-            self.live_bytes += array.nbytes
+        owner = _owner(array)
+        self.holders[id(owner)] += 1
+        if self.holders[id(owner)] == 1:
+            self.live_bytes += owner.nbytes
 
     def _release(self, ref: Ref) -> None:
-        array = self.values.pop(ref)
-        self.holders[_buffer(array)] -= 1
-        if self.holders[_buffer(array)] == 0:
-            self.live_bytes -= array.nbytes
+        owner = _owner(self.values.pop(ref))
+        self.holders[id(owner)] -= 1
+        if self.holders[id(owner)] == 0:
+            self.live_bytes -= owner.nbytes
 
     def _key(self, node: Node) -> str:
         if self.cache is None:
@@ -244,23 +245,41 @@ def identity_reason(node: Node, arguments: Mapping[str, Any]) -> str | None:
     condition = node.contract.mark.identity_when
     if condition is None:
         return None
-    return condition(**{name: arguments.get(name) for name in node.contract.condition_arguments})
+    try:
+        return condition(**{name: arguments.get(name) for name in node.contract.condition_arguments})
+    except Exception as error:
+        ports = {name: value for name, value in arguments.items() if name in node.sources}
+        raise StageError(_describe_failure(node, ports, error)) from error
 
 
-def _outputs(node: Node, returned: Any) -> list[tuple[Ref, np.ndarray]]:
+def _sizes(node: Node, ports: Mapping[str, np.ndarray]) -> dict[str, int]:
+    """The height and width that a stage was given, where all its ports agree."""
+    found: dict[str, set[int]] = {}
+    for port in node.contract.inputs:
+        for symbol, size in port.kind.sizes(ports[port.name]).items() if port.name in ports else ():
+            found.setdefault(symbol, set()).add(size)
+    return {symbol: sizes.pop() for symbol, sizes in found.items() if len(sizes) == 1}
+
+
+def _outputs(node: Node, returned: Any, sizes: Mapping[str, int]) -> list[tuple[Ref, np.ndarray]]:
     values = returned if len(node.outputs) > 1 else (returned,)
     outputs = []
     for ref, port, value in zip(node.outputs, node.contract.outputs, values, strict=True):
         array = np.asarray(value)
         if misfit := port.kind.misfit(array):
             raise TypeError(f"it returned, for {ref}, {misfit}; this is a fault of the stage, not of the pipeline")
+        if any(sizes.get(symbol, size) != size for symbol, size in port.kind.sizes(array).items()):
+            given = " × ".join(map(str, sizes.values()))
+            raise TypeError(f"it returned, for {ref}, the shape {array.shape}, but was given {given} pixels")
         outputs.append((ref, frozen(array)))
     return outputs
 
 
-def _buffer(array: np.ndarray) -> int:
-    """Where the memory of an array begins: several names may share it, when stages were skipped."""
-    return array.__array_interface__["data"][0]
+def _owner(array: np.ndarray) -> np.ndarray:
+    """The array that owns the memory of this one: several names may share it, when stages were skipped."""
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array
 
 
 def _describe_failure(node: Node, ports: Mapping[str, np.ndarray], error: Exception) -> str:
@@ -270,7 +289,10 @@ def _describe_failure(node: Node, ports: Mapping[str, np.ndarray], error: Except
         lines.append(f"  {name}: {port.kind.name if port else ''} {describe(array)}")
     settings = ", ".join(f"{key}={value!r}" for key, value in node.parameters.items())
     lines.append(f"  with {settings or 'no parameters'}")
-    lines.append("  Change the stage or its inputs; with --cache DIR the stages before it need not run again.")
+    if isinstance(error, ValueError):
+        lines.append("  Change its parameters or its inputs. With --cache DIR the stages before it need not run again.")
+    else:
+        lines.append("  This is a fault of the stage; fogpipe --debug shows where.")
     return "\n".join(lines)
 
 
