@@ -60,3 +60,11 @@ def test_two_definitions_of_one_name_are_refused(tmp_path: Path):
     (tmp_path / "twice.py").write_text(text)
     with pytest.raises(UnknownStageError, match="defined twice"):
         Registry([tmp_path]).find("twice.same")
+
+
+def test_a_plugin_that_ends_the_program_or_prints_disturbs_nothing(tmp_path: Path, capsys):
+    (tmp_path / "exits.py").write_text("print('hello')\nimport sys\nsys.exit(3)\n")
+    registry = Registry([tmp_path])
+    assert "medium.transmission" in registry.all()
+    assert "SystemExit" in registry.failures["exits"]
+    assert capsys.readouterr().out == ""

@@ -26,7 +26,8 @@ def command(
 
     chosen = form or (_SUFFIXES.get(out.suffix) if out else "svg")
     if chosen not in _SUFFIXES.values():
-        raise RequestError(f"draw: cannot tell the format of {out or form}; use .svg, .dot or .mmd, or --format.")
+        what = f"--format {form}" if form else f"the ending of {out}"
+        raise RequestError(f"draw: {what} names no format; choose svg, dot or mermaid (.svg, .dot or .mmd).")
     text = draw(o.load_pipeline(pipeline, settings, plugins).graph, cast(Literal["svg", "dot", "mermaid"], chosen))
     if out is None:
         typer.echo(text, nl=False)

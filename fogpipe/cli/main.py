@@ -54,9 +54,6 @@ def main() -> None:
         app()
     except FogpipeError as error:
         _report(error, error.exit_code)
-    except KeyboardInterrupt:
-        print("interrupted; nothing was written.", file=sys.stderr)
-        sys.exit(130)
     except BrokenPipeError:
         sys.exit(1)
     except Exception as error:

@@ -108,12 +108,18 @@ def command(
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="DIR", help="Folder for the package.")] = None,
 ) -> None:
     """Write a small installable package with one stage and a passing test."""
+    from fogpipe.registry import Registry
+
     name = name.removeprefix("fogpipe-")
     subject = name.replace("-", "_")
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
         raise RequestError(f'new-plugin {name}: use small letters, digits and single hyphens, such as "frost".')
     if keyword.iskeyword(subject):
         raise RequestError(f"new-plugin {name}: is a word of Python and cannot name a module; use another one.")
+    if sources := Registry().sources.get(subject):
+        raise RequestError(
+            f'new-plugin {name}: {sources[0].origin} holds stages "{subject}.*" already; use another name.'
+        )
     folder = out or Path(f"fogpipe-{name}")
     if folder.exists():
         raise RequestError(f"{folder} exists; name another folder with -o, nothing was written.")

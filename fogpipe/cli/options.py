@@ -78,8 +78,6 @@ def load_pipeline(
     from fogpipe.pipeline.spec import parse_override
     from fogpipe.runtime.pipeline import load
 
-    if tolerance is not None and not tolerance > 0:
-        raise RequestError(f"--tolerance {tolerance:g}: must be greater than 0.")
     overrides: dict[str, Any] = {}
     for text in settings or ():
         try:

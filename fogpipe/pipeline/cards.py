@@ -59,6 +59,12 @@ def card_data(contract: Contract, origin: str = "") -> dict[str, Any]:
     }
 
 
+def undocumented(contract: Contract) -> list[str]:
+    """Ports and parameters of which the docstring says nothing under Parameters."""
+    words = _descriptions(_sections(inspect.getdoc(contract.function) or "")[1].get("Parameters", ""))
+    return [item.name for item in (*contract.inputs, *contract.parameters) if not words.get(item.name)]
+
+
 def _port(port: Port, description: str) -> dict[str, str]:
     name = f"{port.name} (optional)" if port.optional else port.name
     return {"name": name, "kind": str(port.kind), "description": description or port.kind.meaning}

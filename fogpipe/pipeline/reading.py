@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import yaml
 
@@ -20,9 +20,8 @@ MAX_NODES = 20_000
 class _Loader(yaml.SafeLoader):
     """YAML with the scalars of version 1.2: ``1e-3`` is a number, ``1:30`` and ``yes`` are texts."""
 
-    yaml_implicit_resolvers: ClassVar[dict] = {}
 
-
+_Loader.yaml_implicit_resolvers = {}
 for _kind, _form, _first in (
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
     ("int", r"[-+]?(0|[1-9]\d*)|0x[\da-fA-F]+", "-+0123456789"),

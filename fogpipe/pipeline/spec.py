@@ -135,7 +135,8 @@ def _apply(overrides: Mapping[str, Any], data: dict[str, Any], problems: list[Pr
             params[name] = value
         else:
             known, word = (stages, "stage") if dot else (params, "parameter of the pipeline")
-            what = f'there is no {word} "{stage}".{suggestion(stage, known)}'
+            hint = "" if dot else f" For one of a stage write STAGE.{name}=VALUE."
+            what = f'there is no {word} "{stage}".{suggestion(stage, known)}{hint}'
             problems.append(Problem(0, 0, f"--set {name}", what))
     return replaced
 

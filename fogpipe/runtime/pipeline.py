@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fogpipe.errors import ExpectationError
+from fogpipe.errors import ExpectationError, RequestError
 from fogpipe.pipeline.check import check
 from fogpipe.pipeline.graph import Graph
 from fogpipe.pipeline.plan import Plan, make_plan
@@ -22,7 +23,7 @@ from fogpipe.runtime.inputs import Inputs, inputs_from_arrays
 from fogpipe.runtime.runner import execute
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result(Mapping[str, np.ndarray]):
     """The outputs of a run by name, and how it went.
 
@@ -46,6 +47,10 @@ class Result(Mapping[str, np.ndarray]):
 
     def __len__(self) -> int:
         return len(self.outputs)
+
+    def __repr__(self) -> str:
+        outputs = ", ".join(f"{name}: {array.dtype} {array.shape}" for name, array in self.outputs.items())
+        return f"Result({outputs})"
 
 
 @dataclass(frozen=True)
@@ -144,7 +149,13 @@ def load(
         If there is no such pipeline.
     PipelineError
         With every problem in it.
+    RequestError
+        If the seed or the tolerance cannot be.
     """
+    if seed is not None and seed < 0:
+        raise RequestError(f"seed {seed}: must be 0 or more.")
+    if tolerance is not None and not 0 < tolerance < math.inf:
+        raise RequestError(f"tolerance {tolerance:g}: must be a number greater than 0.")
     registry = Registry(plugins)
     text, source = read_pipeline(name)
     spec = read_spec(text, source, set)

@@ -204,8 +204,8 @@ def diffusion(
     .. math:: \partial_t F = \nabla \cdot (\varrho\, \nabla F), \qquad
               \varrho(x) = \tfrac12 (\sigma^2(x) - \sigma_0^2), \quad 0 \le t \le 1
 
-    Colour and opacity of the premultiplied layer are blurred alike. Nothing leaks out of a sharp foreground:
-    where the rate is small on one side of an edge, little crosses it.
+    Colour and opacity of the premultiplied layer are blurred alike. Little leaks out of a sharp foreground: the rate
+    across an edge is the mean of both sides, so the first pixels beyond it take some of its light.
 
     Parameters
     ----------

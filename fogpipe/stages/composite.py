@@ -16,11 +16,16 @@ def attenuate(image: Image, transmission: Transmission) -> Layer:
     Parameters
     ----------
     image : (H, W, 3) float, E, linear light.
-    transmission : (H, W) float, t in [0, 1]. Where it is unknown (NaN) so is the layer.
+    transmission : (H, W) float, t in [0, 1].
 
     Returns
     -------
     (H, W, 4) float32, or float64 for a float64 image. The opacity is t.
+
+    Raises
+    ------
+    ValueError
+        If the transmission is unknown (NaN) somewhere, or the sizes differ.
 
     Notes
     -----
@@ -32,6 +37,7 @@ def attenuate(image: Image, transmission: Transmission) -> Layer:
     """
     from fogpipe.kernels import compositing
 
+    _require_known(transmission)
     return compositing.attenuate(image, transmission)
 
 
@@ -123,12 +129,17 @@ def naive(image: Image, transmission: Transmission, airlight: Airlight) -> Image
     Parameters
     ----------
     image : (H, W, 3) float, E, linear light.
-    transmission : (H, W) float, t in [0, 1]. Where it is unknown (NaN) so is the result.
+    transmission : (H, W) float, t in [0, 1].
     airlight : (3,) or (H, W, 3) float, B, linear light.
 
     Returns
     -------
     (H, W, 3) float32, or float64 for a float64 image.
+
+    Raises
+    ------
+    ValueError
+        If the transmission is unknown (NaN) somewhere, or the sizes differ.
 
     Notes
     -----
@@ -140,4 +151,14 @@ def naive(image: Image, transmission: Transmission, airlight: Airlight) -> Image
     """
     from fogpipe.kernels import compositing
 
+    _require_known(transmission)
     return compositing.blend(image, transmission, airlight)
+
+
+def _require_known(transmission: Transmission) -> None:
+    if np.isnan(transmission.min(initial=1)):
+        count = np.count_nonzero(np.isnan(transmission))
+        raise ValueError(
+            f"transmission is unknown at {count} pixels: give the unmeasured pixels a range first, with sky.identify,"
+            " range.fill_holes and sky.matte, as hansard2019 does."
+        )

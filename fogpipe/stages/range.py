@@ -135,7 +135,7 @@ def fill_holes(
     largest: Annotated[float, Gt(0), Le(1)] = 0.5,
     at_edge: Literal["nearest", "consensus"] = "nearest",
 ) -> Range:
-    r"""Give each hole one range, the one that fits most of its boundary.
+    r"""Give each hole inside the image one range, the one that fits most of its boundary.
 
     A hole is a connected region of ``holes``. Its boundary is the measured pixels that share an edge with it.
     As in RANSAC, values drawn from the boundary are tried for the whole hole, and the one with the smallest
@@ -161,7 +161,7 @@ def fill_holes(
     Returns
     -------
     (H, W) float32, or float64 for float64 range. Pixels outside the holes are the same to the last bit. A hole
-    that borders no measured pixel has nothing to be filled from and stays NaN.
+    that borders no measured pixel stays NaN, unless it reaches the edge and there is a measured one anywhere.
 
     Raises
     ------

@@ -220,3 +220,75 @@ def test_an_output_folder_that_is_a_file_ends_with_1(fogpipe_cli, toy_files, tmp
 def test_version_and_help(fogpipe_cli):
     assert fogpipe_cli("--version").out.startswith("fogpipe ")
     assert "run" in fogpipe_cli("--help").out
+
+
+def test_a_camera_may_be_an_output(fogpipe_cli, tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text(
+        dedent("""\
+        fogpipe: 1
+        inputs: {depth: Depth, camera: Camera}
+        stages: {r: {use: range.from_depth, in: {depth: depth, camera: camera}}}
+        outputs: {r: r, camera: camera}
+        """)
+    )
+    np.save(tmp_path / "depth.npy", np.ones((2, 3), np.float32))
+    (tmp_path / "camera.json").write_text('{"fx": 10, "fy": 10, "cx": 1, "cy": 1}')
+    arguments = [
+        "-i",
+        f"depth={tmp_path / 'depth.npy'}",
+        "-i",
+        f"camera={tmp_path / 'camera.json'}",
+        "--depth",
+        "metres",
+    ]
+    ended = fogpipe_cli("run", tmp_path / "camera.yaml", *arguments, "-o", tmp_path / "out", "--json")
+    assert ended.code == 0, ended.err
+    assert json.loads(ended.out)["outputs"]["camera"]["value"][0] == [10, 0, 1]
+
+
+def test_a_format_without_opacity_is_refused_before_anything_runs(fogpipe_cli, toy_files, tmp_path: Path):
+    np.save(tmp_path / "image.npy", np.full((4, 5, 4), 0.5, np.float32))
+    ended = fogpipe_cli("run", *toy_files, "-o", tmp_path / "out", "--image-format", "jpg")
+    assert ended.code == 2
+    assert "no room for the opacity" in ended.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_cannot_be_named_like_the_proof_sheet(fogpipe_cli, toy_files, tmp_path: Path):
+    path = Path(toy_files[0])
+    path.write_text(TOY.replace("outputs: {foggy: foggy", "outputs: {sheet: foggy"))
+    assert "rename it" in fogpipe_cli("run", *toy_files, "-o", tmp_path / "out").err
+    assert fogpipe_cli("run", *toy_files, "-o", tmp_path / "out", "--no-sheet").code == 0
+
+
+def test_a_killed_run_leaves_the_older_one_whole(toy_files, fogpipe_cli, tmp_path: Path):
+    import signal
+    import subprocess
+    import sys
+    import time
+
+    out = tmp_path / "out"
+    fogpipe_cli("run", *toy_files, "-o", out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    program = "import sys; from fogpipe.cli.main import main; sys.exit(main())"
+    waiting = "import fogpipe.runtime.job as job; import time; job.publish = lambda *a: time.sleep(60); "
+    command = [sys.executable, "-c", waiting + program, "run", *toy_files, "-o", str(out), "--set", "t.extinction=0.01"]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not list(out.glob(".fogpipe-run-*/run.json")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
+    assert fogpipe_cli("run", *toy_files, "-o", out).code == 0
+
+
+def test_new_plugin_does_not_take_the_name_of_a_subject_that_is_there(fogpipe_cli, tmp_path: Path):
+    ended = fogpipe_cli("new-plugin", "range", "-o", tmp_path / "package")
+    assert ended.code == 2
+    assert "already" in ended.err
+
+
+@pytest.mark.parametrize("settings", [["--seed", "-1"], ["--tolerance", "nan"], ["--set", "visibility=50"]])
+def test_settings_that_cannot_be_are_refused(fogpipe_cli, settings):
+    assert fogpipe_cli("run", "hansard2019", "--scene", "sample:motorcycle", *settings).code == 2

@@ -120,9 +120,3 @@ def test_what_is_no_intrinsic_matrix_is_refused(camera):
 def test_three_axes_are_refused():
     with pytest.raises(ValueError, match="two axes"):
         planar_to_radial(np.ones((2, 2, 3)), CAMERA)
-
-
-@pytest.mark.benchmark(group="rays")
-def test_speed_of_planar_to_radial(benchmark):
-    depth = np.random.default_rng(0).random((1120, 1600), np.float32)
-    assert benchmark(planar_to_radial, depth, CAMERA).shape == depth.shape

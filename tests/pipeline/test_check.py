@@ -207,3 +207,45 @@ def test_all_problems_are_reported_in_the_order_of_the_file_with_a_count(registr
     lines = str(caught.value).splitlines()
     assert lines[0].startswith("mine.yaml:3:10  params.beta")
     assert lines[-1] == "3 problems; nothing was run."
+
+
+@pytest.mark.parametrize(
+    "broken",
+    ["{ues: toy.fill, in: {range_map: range_map}}", "{use: 3, in: 4, foo: 1}", "{in: {range_map: 3}}", "3", "[1]"],
+)
+def test_several_faults_in_one_stage_do_not_stop_the_check(registry, broken: str):
+    text = GOOD.replace("{use: toy.fill, in: {range_map: range_map}}", broken).replace("$beta", "-1")
+    places = {p.where for p in problems(registry, text)}
+    assert "stages.t.with.extinction" in places
+    assert any(where.startswith("stages.filled") for where in places)
+
+
+def test_an_override_does_not_hide_a_fault_of_the_file(registry):
+    text = GOOD.replace("with: {extinction: $beta}", "with: [1, 2]")
+    assert "stages.t.with" in {p.where for p in problems(registry, text, **{"t.extinction": 1})}
+
+
+def test_two_bounds_on_one_value_both_survive_the_record(registry):
+    text = GOOD.replace("outputs: {", "  score: {use: toy.mean, in: {image: foggy}}\noutputs: {mean: score, ")
+    graph = check(read_spec(text + "expect: {mean: '> 0', score: '< 4'}\n", "t"), registry)
+    again = check(spec_from_data(graph.resolved(), "t"), registry)
+    assert [str(e) for e in again.expectations] == ["mean > 0", "score < 4"]
+
+
+def test_an_input_cannot_bear_the_name_of_an_option_of_run(registry):
+    found = problems(registry, GOOD.replace("image: Image", "to: Image").replace("image: image", "image: to"))
+    assert any("option of Pipeline.run" in p.what for p in found)
+
+
+def test_a_list_that_is_too_short_is_named_at_the_option(registry):
+    text = """\
+    fogpipe: 1
+    inputs: {image: Image}
+    stages: {light: {use: airlight.estimate, in: {image: image}}}
+    outputs: {light: light}
+    """
+    assert only(registry, text, **{"light.colour": [0.5, 0.6]}).where == "--set light.colour"
+
+
+def test_invalid_yaml_is_the_only_problem_that_is_reported(registry):
+    assert only(registry, "stages: [").where == "file"

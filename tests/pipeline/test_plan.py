@@ -42,3 +42,14 @@ def test_any_stage_or_port_can_be_asked_for(build):
 def test_an_unknown_output_gets_a_suggestion(build):
     with pytest.raises(RequestError, match='Did you mean "foggy"'):
         make_plan(build(TEXT), ["fogy"])
+
+
+def test_an_expectation_of_an_input_that_is_not_needed_is_left_out(build):
+    graph = build("""
+    inputs: {range_map: Range, k: Length}
+    stages: {filled: {use: toy.fill, in: {range_map: range_map}}}
+    outputs: {filled: filled, k: k}
+    expect: {k: "> 0"}
+    """)
+    assert not make_plan(graph, ["filled"]).expectations
+    assert make_plan(graph, ["k"]).expectations

@@ -50,3 +50,21 @@ def test_numbers_are_read_as_yaml_1_2_reads_them():
     assert read_value("-2.5E+2") == -250.0
     assert read_value("1e") == "1e"
     assert read_value("[0.1, 0.2]") == [0.1, 0.2]
+
+
+@pytest.mark.parametrize("text", ["1:30", "yes", "1_000", "2020-01-01"])
+def test_what_only_yaml_1_1_takes_for_something_else_is_a_text(text: str):
+    assert read_value(text) == text
+
+
+def test_infinity_null_and_truth():
+    assert read_value("[.inf, -.inf, null, ~, true, False, 0x10, -3]") == [
+        float("inf"),
+        float("-inf"),
+        None,
+        None,
+        True,
+        False,
+        16,
+        -3,
+    ]

@@ -195,3 +195,34 @@ def test_a_digest_tells_dtype_and_shape_apart():
     assert digest(zeros) != digest(zeros.view(np.int32))
     assert digest(np.asfortranarray(zeros)) == digest(zeros)
     assert digest(np.float64(3)) == digest(np.array(3.0))  # type: ignore[arg-type]
+
+
+def test_a_read_only_cache_finds_but_keeps_nothing(build, tmp_path: Path):
+    assert run(build(TEXT), tmp_path, read_only=True) == ["ran", "ran"]
+    assert not list(tmp_path.iterdir())
+    run(build(TEXT), tmp_path)
+    assert run(build(TEXT), tmp_path, read_only=True) == ["cached", "cached"]
+
+
+def test_looking_for_an_entry_that_is_being_stored_does_not_remove_it(build, tmp_path: Path):
+    run(build(TEXT), tmp_path)
+    folder = next(tmp_path.glob("??/*"))
+    (folder / "entry.json").rename(tmp_path / "aside")
+    assert Cache(tmp_path).look_up(folder.name) is None
+    assert folder.is_dir()
+
+
+def test_code_that_was_edited_after_it_was_imported_is_not_stored_as_the_new_code(tmp_path: Path):
+    source = "from fogpipe.ports import Range\nfrom fogpipe.stage import stage\n"
+    source += "@stage('edited.scale')\ndef scale(range_map: Range) -> Range:\n    return range_map * FACTOR\n"
+    text = "fogpipe: 1\ninputs: {r: Range}\nstages: {m: {use: edited.scale, in: {range_map: r}}}\noutputs: {m: m}\n"
+    path = tmp_path / "edited.py"
+    path.write_text(source.replace("FACTOR", "2"))
+    graph = check(read_spec(text, "t"), Registry([tmp_path]))
+    path.write_text(source.replace("FACTOR", "5"))
+    given = {"r": np.ones((1, 1), np.float32)}
+    stale = execute(make_plan(graph), given, cache=Cache(tmp_path / "cache"))
+    fresh = execute(
+        make_plan(check(read_spec(text, "t"), Registry([tmp_path]))), given, cache=Cache(tmp_path / "cache")
+    )
+    assert (stale.values[Ref("m")].item(), fresh.values[Ref("m")].item()) == (2, 5)

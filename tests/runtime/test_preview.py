@@ -61,3 +61,12 @@ def test_what_it_tells_is_what_a_run_does(build, tmp_path: Path):
             told = fates(preview(make_plan(graph), inputs, cache))
             did = {r.name: r.status for r in execute(make_plan(graph), inputs, cache=cache).reports}
             assert told == {name: "runs" if status == "ran" else status for name, status in did.items()}
+
+
+def test_it_leaves_a_cache_as_it_is(build, tmp_path: Path):
+    preview(make_plan(build(TEXT)), HOLES, Cache(tmp_path, read_only=True))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_graph_without_stages_has_no_rows(build):
+    assert preview(make_plan(build("inputs: {image: Image}\nstages: {}\noutputs: {image: image}"))).rows == ()

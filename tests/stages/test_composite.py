@@ -81,11 +81,12 @@ def test_layers_that_share_the_light_add_up():
     np.testing.assert_allclose(add(direct, scattered), attenuate(IMAGE, t), rtol=3e-7)  # float32
 
 
-def test_unknown_transmission_stays_unknown():
+def test_unknown_transmission_is_refused_with_the_way_out():
     t = np.ones((7, 9), np.float32)
     t[2, 3] = np.nan
-    unknown = np.isnan(over_airlight(attenuate(IMAGE, t), AIRLIGHT)).all(2)
-    assert np.argwhere(unknown).tolist() == [[2, 3]]
+    for call in (lambda: attenuate(IMAGE, t), lambda: naive(IMAGE, t, AIRLIGHT)):
+        with pytest.raises(ValueError, match=r"unknown at 1 pixels: .* range\.fill_holes"):
+            call()
 
 
 @pytest.mark.parametrize(

@@ -237,3 +237,52 @@ def scribble(range_map: Range) -> Range:
     """
     range_map[0, 0] = 0
     return range_map
+
+
+@stage("toy.crop")
+def crop(range_map: Range) -> Range:
+    """Return fewer rows than were given.
+
+    Parameters
+    ----------
+    range_map : (H, W) metres.
+
+    Returns
+    -------
+    (H, W) metres, it says.
+    """
+    return range_map[:1]
+
+
+@stage("toy.scramble")
+def scramble(range_map: Range) -> Range:
+    """Stumble over a mistake of its own.
+
+    Parameters
+    ----------
+    range_map : (H, W) metres.
+
+    Returns
+    -------
+    Nothing ever.
+    """
+    return range_map[{"no": "index"}["of this name"]]
+
+
+def _divides_by_nothing(range_map: Range) -> str | None:
+    return str(1 / (range_map.size - range_map.size))
+
+
+@stage("toy.doubtful", identity_when=_divides_by_nothing)
+def doubtful(range_map: Range) -> Range:
+    """Never run, because its condition fails.
+
+    Parameters
+    ----------
+    range_map : (H, W) metres.
+
+    Returns
+    -------
+    (H, W) metres.
+    """
+    return range_map
