@@ -17,6 +17,10 @@ from fogpipe.kernels.rays import planar_to_radial
 Geometry = Literal["planar", "radial", "relative"]
 FARTHEST = 1e6
 """Metres. No surface on Earth is seen from farther; a larger number is a mistake in unit or encoding."""
+REVERSED = 0.6
+"""Rank correlation of row and distance from which a map is doubted. Ground and floor go the other way."""
+ENOUGH_PIXELS = 10_000
+"""Measured pixels below which the layout of a map says nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +55,12 @@ def read_depth(path: str | Path, *, encoding: str | None, camera: CameraFile | N
     InputError
         If the file cannot be read, is a colour-mapped or 8-bit picture of depth, does not fit the encoding, lacks
         the camera it needs, or decodes to something that is no depth: negative, zero (a surface at the
-        lens), beyond 1000 km, or unknown everywhere.
+        lens), beyond 1000 km, unknown everywhere, or normalised (metres whose largest is exactly 1).
+
+    Notes
+    -----
+    Inverse depth cannot be told from depth by its numbers. A map that is farther at the bottom of the picture than at
+    the top, where most scenes are nearer, gets a note that asks.
     """
     path = Path(path)
     numbers = read_numbers(path)
@@ -63,9 +72,9 @@ def read_depth(path: str | Path, *, encoding: str | None, camera: CameraFile | N
     values = _decode(path, numbers.values, known, camera)
     _check_plausible(path, values, known)
     geometry: Geometry = "planar" if known.quantity == "disparity" else known.quantity
-    remark = (f"{path.name}: {numbers.note}",) if numbers.note else ()
     values = values.astype(np.float32, copy=False)
-    return DepthMap(values, geometry, (_summary(path, values, known), *remark))
+    remarks = (numbers.note, _doubt(values))
+    return DepthMap(values, geometry, (_summary(path, values, known), *(f"{path.name}: {r}" for r in remarks if r)))
 
 
 def to_range(depth: DepthMap, camera: CameraFile | None) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -91,16 +100,6 @@ def to_range(depth: DepthMap, camera: CameraFile | None) -> tuple[np.ndarray, tu
     height, width = depth.values.shape
     fitted, notes = camera.fitted_to(width, height)
     return planar_to_radial(depth.values, fitted.matrix), (*notes, f"planar depth made radial with {camera.source}")
-
-
-def check_same_size(image: np.ndarray, range_map: np.ndarray, names: tuple[str, str] = ("image", "depth")) -> None:
-    """Raise an InputError unless image (H, W, …) and range map (H, W) have the same H and W."""
-    (height, width), (rows, columns) = image.shape[:2], range_map.shape[:2]
-    if (height, width) != (rows, columns):
-        raise InputError(
-            f"{names[0]} has {width}×{height} pixels but {names[1]} has {columns}×{rows}."
-            " They must show the same pixels. Resize the image, not the depth: interpolated depth is false at edges."
-        )
 
 
 def _check_storage(path: Path, file_format: str, numbers: np.ndarray, encoding: DepthEncoding) -> None:
@@ -174,6 +173,36 @@ def _check_plausible(path: Path, values: np.ndarray, encoding: DepthEncoding) ->
     refuse("are at 0 m, at the lens itself", zero, "If 0 marks unknown, say so by the encoding metres-zero-unknown.")
     absurd = int(np.count_nonzero((values > FARTHEST) & (values < np.inf)))
     refuse(f"are farther than {FARTHEST / 1000:g} km", absurd, "Is the unit or the encoding another one?")
+    if not encoding.whole and np.nanmax(values) == 1 and np.nanmin(values) < 1:
+        refuse(
+            "are at exactly 1 m and none is farther",
+            int(np.count_nonzero(values == 1)),
+            "A normalised map looks like this. Give metres; or name the encoding relative, if 0 is near and 1 is far"
+            " (turn inverse depth round first). If these are metres, cut off at 1 m, make the cut pixels NaN.",
+        )
+
+
+def _doubt(values: np.ndarray) -> str:
+    """A question about a map that is nearer at the top than at the bottom, or an empty text.
+
+    Spearman's rank correlation of row and distance, over a regular share of the measured pixels.
+    """
+    measured = np.flatnonzero(np.isfinite(values))
+    if measured.size < ENOUGH_PIXELS:
+        return ""
+    sampled = measured[:: measured.size // ENOUGH_PIXELS]
+    rows, distances = _ranks(sampled // values.shape[1]), _ranks(values.reshape(-1)[sampled])
+    spread = np.sqrt((rows**2).mean() * (distances**2).mean())
+    if (rows * distances).mean() < REVERSED * spread or spread == 0:
+        return ""
+    return "nearer at the top than at the bottom: is this inverse depth?"
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks about their mean; equal values share one."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    ranks = np.cumsum(counts) - (counts - 1) / 2
+    return ranks[inverse] - (values.size + 1) / 2
 
 
 def _summary(path: Path, values: np.ndarray, encoding: DepthEncoding) -> str:

@@ -74,10 +74,12 @@ def _read_png(data: bytes) -> Numbers:
         raise InputError(
             f"has {bits} bits per pixel: a picture of depth, with {2**bits} steps at most and no unit. {ORIGINAL}"
         )
-    samples = read_png(data, None, MAX_PIXELS).samples
-    if samples.ndim == 3:
+    raster = read_png(data, None, MAX_PIXELS)
+    if raster.samples.ndim == 3:
         raise InputError(f"declares one of its levels to be transparent, as a picture does. {ORIGINAL}")
-    return Numbers("png", samples)
+    if raster.orientation != 1:
+        raise InputError(f"has EXIF orientation {raster.orientation}, as a picture has. Save it without that tag.")
+    return Numbers("png", raster.samples)
 
 
 def _read_npy(data: bytes) -> Numbers:
@@ -120,15 +122,10 @@ def _read_pfm(data: bytes) -> Numbers:
 
 
 def _read_exr(data: bytes) -> Numbers:
-    from fogpipe.io.exr import read_channels
+    from fogpipe.io.exr import map_channel, read_channels
 
     channels, note = read_channels(data, max_pixels=MAX_PIXELS)
-    layers = [name for name in channels if name.endswith(".Z")]
-    for names in (["Z"] if "Z" in channels else [], layers, list(channels)):
-        if len(names) == 1:
-            return Numbers("exr", channels[names[0]], note)
-    some = ", ".join(sorted(channels)[:20]) + (" …" if len(channels) > 20 else "")
-    raise InputError(f"has no channel Z. It has {some}.")
+    return Numbers("exr", map_channel(channels, ("Z",)), note)
 
 
 _READERS: tuple[tuple[bytes, Callable[[bytes], Numbers]], ...] = (

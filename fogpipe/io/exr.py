@@ -53,14 +53,14 @@ def read_channels(data: bytes, *, max_pixels: int) -> tuple[dict[str, np.ndarray
         return channels, _note(file.header())
 
 
-def only_channel(channels: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The channel of a map: ``Z``, else ``Y``, else the only one there is."""
-    for name in ("Z", "Y"):
-        if name in channels:
-            return channels[name]
-    if len(channels) != 1:
-        raise InputError(f"has no channel Z or Y. It has {listed(channels)}; save the one you mean on its own.")
-    return next(iter(channels.values()))
+def map_channel(channels: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
+    """The channel of a map: the first of these names, else the only one of that name in a layer, else the only one."""
+    layers = ([channel for channel in channels if channel.endswith(f".{name}")] for name in names)
+    for found in (*([name] for name in names if name in channels), *layers, list(channels)):
+        if len(found) == 1:
+            return channels[found[0]]
+    wanted = " or ".join(names)
+    raise InputError(f"has no channel {wanted}. It has {listed(channels)}; save the one you mean on its own.")
 
 
 def listed(channels: Mapping[str, np.ndarray]) -> str:

@@ -34,6 +34,12 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
     return data
 
 
+def split_layer(path: str | os.PathLike[str]) -> tuple[str, str]:
+    """File and layer of a path such as ``picture.exr#left``; of any other, the path and an empty text."""
+    file, _, layer = str(path).rpartition("#")
+    return (file, layer) if file.lower().endswith(".exr") else (str(path), "")
+
+
 def _open_without_waiting(path: str, flags: int) -> int:
     """A pipe that nobody writes to would block the run for ever."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

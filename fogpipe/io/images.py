@@ -16,10 +16,10 @@ import numpy as np
 
 from fogpipe.errors import InputError, OutputError
 from fogpipe.io.atomic import atomic_write
-from fogpipe.io.files import read_bytes
-from fogpipe.io.readers import Raster, Reader, read_exr, read_hdr, read_jpeg, read_npy, read_png, read_webp
+from fogpipe.io.files import read_bytes, split_layer
+from fogpipe.io.readers import Raster, Reader, described, read_exr, read_hdr, read_jpeg, read_npy, read_png, read_webp
 from fogpipe.io.tiff import read_tiff
-from fogpipe.io.writers import encode
+from fogpipe.io.writers import encode, nonfinite
 from fogpipe.kernels.srgb import linear_from_srgb, srgb_from_linear
 from fogpipe.ports import Color, FloatArray
 
@@ -50,11 +50,13 @@ class Picture:
     pixels : (H, W, 3) float32 (float64 from a float64 array), finite. 1 is display white, more is HDR.
     alpha : (H, W) float32 in [0, 1], the opacity, by which ``pixels`` is not multiplied; or None.
     description : what it was and what was done to it, for people.
+    orientation : the EXIF orientation (1 to 8) that was applied; 1 where the file was upright.
     """
 
     pixels: FloatArray
     alpha: FloatArray | None
     description: str
+    orientation: int = 1
 
 
 def read_image(path: str | os.PathLike[str], *, color: Color = "linear", max_pixels: int = MAX_PIXELS) -> Picture:
@@ -74,9 +76,7 @@ def read_image(path: str | os.PathLike[str], *, color: Color = "linear", max_pix
     InputError
         If the file is missing, damaged, too large, of an unknown format, or holds NaN or infinity.
     """
-    file, mark, layer = str(path).rpartition("#")
-    if not mark or not file.lower().endswith(".exr"):
-        file, layer = str(path), ""
+    file, layer = split_layer(path)
     data = read_bytes(file)
     return decode_image(data, color=color, name=str(path), layer=layer or None, max_pixels=max_pixels)
 
@@ -213,7 +213,9 @@ def _picture(raster: Raster, color: Color) -> Picture:
     pixels = _working(samples, raster.light, color)
     if pixels.shape[2] == 1:
         pixels = np.repeat(pixels, 3, axis=2)
-    return Picture(np.ascontiguousarray(pixels), alpha, raster.description)
+    orientation = raster.orientation if raster.orientation in range(2, 9) else 1
+    turned = f"EXIF orientation {orientation} applied" if orientation != 1 else ""
+    return Picture(np.ascontiguousarray(pixels), alpha, described(raster.description, turned), orientation)
 
 
 def _checked(samples: np.ndarray) -> np.ndarray:
@@ -229,23 +231,9 @@ def _checked(samples: np.ndarray) -> np.ndarray:
         raise InputError(
             f"has the dtype {dtype}, but a picture is uint8 or uint16 (display values) or float (working values)."
         )
-    if dtype.kind == "f":
-        _refuse_nonfinite(samples)
+    if dtype.kind == "f" and (found := nonfinite(samples)):
+        raise InputError(f"holds {found}. A picture is finite: fill or clip them first.")
     return samples.astype(dtype, copy=False).reshape(*shape[:2], -1)
-
-
-def _refuse_nonfinite(samples: np.ndarray) -> None:
-    finite = np.isfinite(samples)
-    if finite.all():
-        return
-    row, column = np.unravel_index(np.argmin(finite), samples.shape)[:2]
-    nans = np.count_nonzero(np.isnan(samples))
-    infinite = np.count_nonzero(np.isinf(samples))
-    counts = " and ".join(f"{count} {what}" for count, what in ((nans, "NaN"), (infinite, "infinite")) if count)
-    raise InputError(
-        f"holds {counts} of {samples.size} values, the first at row {row}, column {column} (from 0)."
-        f" A picture is finite: fill or clip them first."
-    )
 
 
 def _working(samples: np.ndarray, light: str, color: Color) -> FloatArray:

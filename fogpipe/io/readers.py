@@ -44,12 +44,14 @@ class Raster:
     samples : (H, W) or (H, W, C), C from 1 to 4: grey, grey and alpha, colour, colour and alpha.
     light : what the samples of colour mean: ``srgb`` display values, ``linear`` light, or ``working`` for whatever
         the pipeline works on. Integers count up to display white.
-    description : for people, such as ``8-bit grey PNG, sRGB, EXIF orientation 6 applied``.
+    description : for people, such as ``8-bit grey PNG, sRGB``.
+    orientation : the EXIF orientation that the file states and that was applied.
     """
 
     samples: np.ndarray
     light: Literal["srgb", "linear", "working"]
     description: str
+    orientation: int = 1
 
 
 Reader = Callable[[bytes, str | None, int], Raster]
@@ -84,10 +86,9 @@ def unpremultiplied(samples: np.ndarray) -> np.ndarray:
     return straight
 
 
-def described(*parts: str, orientation: int = 1) -> str:
-    """The description of a raster, from its parts and the orientation that was applied."""
-    turned = f"EXIF orientation {orientation} applied" if orientation in range(2, 9) else ""
-    return ", ".join(part for part in (*parts, turned) if part)
+def described(*parts: str) -> str:
+    """The description of a raster, from those of its parts that say something."""
+    return ", ".join(part for part in parts if part)
 
 
 def read_png(data: bytes, layer: str | None, max_pixels: int) -> Raster:
@@ -138,12 +139,12 @@ def read_webp(data: bytes, layer: str | None, max_pixels: int) -> Raster:
 
 def from_pillow(image: ImageFile.ImageFile, name: str) -> Raster:
     """An 8-bit picture that Pillow has opened."""
+    stated = image.getexif().get(ORIENTATION, 1)
     image.load()
-    orientation = image.getexif().get(ORIENTATION, 1)  # gone where Pillow has turned it on loading
+    left = image.getexif().get(ORIENTATION, 1)  # gone where Pillow has turned it on loading
     kind = MODES.get(image.mode, f"8-bit {image.mode}")
     converted, profile = to_srgb(image)
-    samples = upright(np.asarray(converted), orientation)
-    return Raster(samples, "srgb", described(f"{kind} {name}", profile, orientation=orientation))
+    return Raster(upright(np.asarray(converted), left), "srgb", described(f"{kind} {name}", profile), stated)
 
 
 def from_deep(name: str, samples: np.ndarray, profile: bytes | None, orientation: int = 1) -> Raster:
@@ -152,13 +153,13 @@ def from_deep(name: str, samples: np.ndarray, profile: bytes | None, orientation
     kind = f"16-bit {CHANNELS[channels]} {name}"
     if profile is None or channels < 3:
         note = "sRGB" if profile is None else "taken as sRGB: ICC profiles are not applied to 16-bit grey"
-        return Raster(samples, "srgb", described(kind, note, orientation=orientation))
+        return Raster(samples, "srgb", described(kind, note), orientation)
     linear, note = linear_from_profile(samples[..., :3], profile)
-    description = described(kind, note, orientation=orientation)
+    description = described(kind, note)
     if linear is None:
-        return Raster(samples, "srgb", description)
+        return Raster(samples, "srgb", description, orientation)
     alpha = samples[..., 3:] / np.float32(65535)
-    return Raster(np.concatenate([linear, alpha], axis=-1), "linear", description)
+    return Raster(np.concatenate([linear, alpha], axis=-1), "linear", description, orientation)
 
 
 def opencv_samples(data: bytes) -> np.ndarray:
@@ -207,10 +208,10 @@ def read_exr(data: bytes, layer: str | None, max_pixels: int) -> Raster:
 
 def read_exr_map(data: bytes, layer: str | None, max_pixels: int) -> Raster:
     """OpenEXR: the one channel of a map."""
-    from fogpipe.io.exr import only_channel, read_channels
+    from fogpipe.io.exr import map_channel, read_channels
 
     channels, note = read_channels(data, max_pixels=max_pixels)
-    return Raster(only_channel(channels), "working", described("OpenEXR map", note))
+    return Raster(map_channel(channels, ("Z", "Y")), "working", described("OpenEXR map", note))
 
 
 def read_hdr(data: bytes, layer: str | None, max_pixels: int) -> Raster:

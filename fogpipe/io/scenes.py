@@ -11,40 +11,24 @@ A scene file is YAML, with paths relative to itself::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fogpipe.errors import InputError, did_you_mean
 from fogpipe.io.camera import CameraFile, camera_from_mapping, read_camera
-from fogpipe.io.depth import check_same_size, read_depth, to_range
+from fogpipe.io.encodings import encoding_named
 from fogpipe.io.files import read_bytes
-from fogpipe.ports import Color
+from fogpipe.io.given import Given, GivenInputs, camera_given, read_given
+from fogpipe.ports import Color, known_kinds
 
 PREFIX = "sample:"
 KEYS = ("title", "image", "depth", "encoding", "camera")
+NAMES = ("image", "range_map", "relative_depth", "camera")
+"""Every input that a scene may give."""
 
-
-@dataclass(frozen=True, eq=False)
-class SceneInputs:
-    """What a scene gives to a pipeline.
-
-    Attributes
-    ----------
-    values : by input name, as far as known: ``image`` (H, W, 3), ``range_map`` (H, W) in metres or
-        ``relative_depth`` (H, W), ``camera`` (3, 3).
-    alpha : (H, W) opacity of the image, or None.
-    notes : what a reader of the result should know.
-    sources : for each value, the file or sample it came from.
-    """
-
-    values: dict[str, np.ndarray]
-    alpha: np.ndarray | None
-    notes: tuple[str, ...]
-    sources: dict[str, str]
+Loader = Callable[[Color, Collection[str], CameraFile | None], GivenInputs]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +37,30 @@ class Scene:
 
     reference: str
     title: str
-    loader: Callable[[Color], SceneInputs]
+    loader: Loader
 
-    def load(self, color: Color = "linear") -> SceneInputs:
-        """Read or make the inputs, the image in linear light or in sRGB display values.
+    def load(
+        self, color: Color = "linear", wanted: Collection[str] = NAMES, camera: CameraFile | None = None
+    ) -> GivenInputs:
+        """Read or make the inputs.
+
+        Parameters
+        ----------
+        color : whether the image comes in linear light or in sRGB display values.
+        wanted : what is needed of ``image`` (H, W, 3), ``range_map`` (H, W) in metres, ``relative_depth`` (H, W) and
+            ``camera`` (3, 3); a file that nobody wants is not read.
+        camera : takes the place of the scene's own.
+
+        Returns
+        -------
+        What is wanted, as far as the scene has it, and its camera.
 
         Raises
         ------
         InputError
             If a file cannot be used or does not fit the others.
         """
-        return self.loader(color)
+        return self.loader(color, wanted, camera)
 
 
 def open_scene(reference: str | Path) -> Scene:
@@ -103,42 +100,28 @@ def scene_from_files(
     if encoding is not None and depth is None:
         raise InputError(f"{reference}: names the depth encoding {encoding} but gives no depth.")
 
-    def load(color: Color) -> SceneInputs:
-        return _load_files(image, depth, encoding, _camera(camera, reference), color)
+    def load(color: Color, wanted: Collection[str], other_camera: CameraFile | None) -> GivenInputs:
+        taken_by = other_camera or _camera(camera, reference)
+        relative = encoding is not None and encoding_named(encoding).quantity == "relative"
+        files = {
+            "image": ("Image", image),
+            "relative_depth" if relative else "range_map": ("RelativeDepth" if relative else "Range", depth),
+        }
+        kinds = known_kinds()
+        inputs = {
+            name: read_given(name, kinds[kind], str(path), color=color, encoding=encoding, camera=taken_by)
+            for name, (kind, path) in files.items()
+            if path is not None and name in wanted
+        }
+        return _with_camera(inputs, wanted, taken_by)
 
     return Scene(reference, title or Path(str(image or depth)).stem, load)
 
 
-def _load_files(
-    image: str | Path | None, depth: str | Path | None, encoding: str | None, camera: CameraFile | None, color: Color
-) -> SceneInputs:
-    from fogpipe.io.images import read_image
-
-    values: dict[str, np.ndarray] = {}
-    sources: dict[str, str] = {}
-    notes: list[str] = []
-    alpha = None
-    if image is not None:
-        picture = read_image(image, color=color)
-        values["image"], sources["image"], alpha = picture.pixels, str(image), picture.alpha
-    if depth is not None:
-        depth_map = read_depth(depth, encoding=encoding, camera=camera)
-        notes += depth_map.notes
-        name = "relative_depth" if depth_map.geometry == "relative" else "range_map"
-        if name == "range_map":
-            values[name], more = to_range(depth_map, camera)
-            notes += more
-        else:
-            values[name] = depth_map.values
-        sources[name] = str(depth)
-        if image is not None:
-            check_same_size(values["image"], values[name], (str(image), str(depth)))
-    if camera is not None:
-        height, width = next(iter(values.values())).shape[:2]
-        fitted, more = camera.fitted_to(width, height)
-        values["camera"], sources["camera"] = fitted.matrix, camera.source
-        notes += (note for note in more if note not in notes)
-    return SceneInputs(values, alpha, tuple(notes), sources)
+def _with_camera(inputs: dict[str, Given], wanted: Collection[str], camera: CameraFile | None) -> GivenInputs:
+    if camera and "camera" in wanted:
+        inputs["camera"] = camera_given(camera, inputs)
+    return GivenInputs(inputs, camera)
 
 
 def _camera(given: str | Path | Mapping[str, Any] | None, reference: str) -> CameraFile | None:
@@ -155,19 +138,21 @@ def _sample_scene(reference: str) -> Scene:
     if options and not sample.options:
         raise InputError(f"sample:{name} takes no options, but {reference} gives {':'.join(options)}.")
 
-    def load(color: Color) -> SceneInputs:
-        from fogpipe.io.images import picture_from_array
-        from fogpipe.kernels.srgb import srgb_from_linear
-
+    def load(color: Color, wanted: Collection[str], other_camera: CameraFile | None) -> GivenInputs:
         frame = sample.make(*options)
-        light = frame.pixels.dtype.kind == "f" and color == "srgb"
-        picture = picture_from_array(srgb_from_linear(frame.pixels) if light else frame.pixels, color=color)
-        values = {"image": picture.pixels}
-        if frame.range_map is not None:
-            values["range_map"] = frame.range_map
-        if frame.camera is not None:
-            values["camera"] = frame.camera.matrix
-        return SceneInputs(values, picture.alpha, frame.notes, dict.fromkeys(values, reference))
+        inputs: dict[str, Given] = {}
+        image_notes, range_notes = (frame.notes, ()) if frame.range_map is None else ((), frame.notes)
+        if "image" in wanted:
+            from fogpipe.io.images import picture_from_array
+            from fogpipe.kernels.srgb import srgb_from_linear
+
+            light = frame.pixels.dtype.kind == "f" and color == "srgb"
+            picture = picture_from_array(srgb_from_linear(frame.pixels) if light else frame.pixels, color=color)
+            inputs["image"] = Given(picture.pixels, "Image", reference, image_notes, picture.alpha)
+        if "range_map" in wanted and frame.range_map is not None:
+            inputs["range_map"] = Given(frame.range_map, "Range", reference, range_notes)
+        own_camera = frame.camera and replace(frame.camera, source=reference)
+        return _with_camera(inputs, wanted, other_camera or own_camera)
 
     return Scene(reference, sample.title, load)
 

@@ -13,7 +13,6 @@ from fogpipe.io.readers import (
     CHANNELS,
     ORIENTATION,
     Raster,
-    described,
     from_deep,
     from_pillow,
     opencv_samples,
@@ -62,7 +61,7 @@ def _read_deep(data: bytes, page: TiffPage) -> Raster:
         profile = page.tags.get(_ICC_PROFILE)
         return from_deep("TIFF", samples, profile.value if profile else None, orientation)
     kind = f"float {CHANNELS[page.samplesperpixel]} TIFF"
-    return Raster(samples.astype(np.float32), "linear", described(kind, orientation=orientation))
+    return Raster(samples.astype(np.float32), "linear", kind, orientation)
 
 
 def _refuse_strange(page: TiffPage) -> None:

@@ -46,7 +46,7 @@ def encode(pixels: np.ndarray, suffix: str, *, color: Color, alpha: np.ndarray |
     if depth is None:
         samples = _with_alpha(pixels, alpha)
     elif depth in form.integers:
-        _refuse_nonfinite(pixels, form.name)
+        _refuse_nonfinite(pixels, form)
         levels = srgb_levels_from_linear if color == "linear" else quantised
         samples = _with_alpha(levels(pixels, depth), None if alpha is None else quantised(alpha, depth))
     else:
@@ -55,7 +55,7 @@ def encode(pixels: np.ndarray, suffix: str, *, color: Color, alpha: np.ndarray |
             linear = linear * alpha[..., np.newaxis]
         samples = _with_alpha(_narrowed(linear, depth, insist=bits is not None), alpha)
         if not form.nonfinite:
-            _refuse_nonfinite(samples, form.name)
+            _refuse_nonfinite(samples, form)
     try:
         return form.encode(samples)
     except Exception as error:  # encoders raise almost anything, such as for too large a picture
@@ -93,14 +93,21 @@ def _checked(pixels: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:
     return pixels if pixels.dtype in (np.float32, np.float64) else pixels.astype(np.float32)
 
 
-def _refuse_nonfinite(samples: np.ndarray, name: str) -> None:
+def nonfinite(samples: np.ndarray) -> str:
+    """How many samples are NaN or infinite, and where the first is, in words; empty if there is none."""
     finite = np.isfinite(samples)
-    if not finite.all():
-        row, column = np.unravel_index(np.argmin(finite), samples.shape)[:2]
-        raise OutputError(
-            f"{np.count_nonzero(~finite)} values are NaN or infinite, the first at row {row}, column {column} (from 0),"
-            f" and {name} cannot hold them. Choose OpenEXR or .npy."
-        )
+    if finite.all():
+        return ""
+    row, column = np.unravel_index(np.argmin(finite), samples.shape)[:2]
+    nans = np.count_nonzero(np.isnan(samples))
+    infinite = np.count_nonzero(np.isinf(samples))
+    counts = " and ".join(f"{count} {what}" for count, what in ((nans, "NaN"), (infinite, "infinite")) if count)
+    return f"{counts} of {samples.size} values, the first at row {row}, column {column} (from 0)"
+
+
+def _refuse_nonfinite(samples: np.ndarray, form: Format) -> None:
+    if found := nonfinite(samples):
+        raise OutputError(f"the picture holds {found}, and {form.name} cannot hold them. Choose OpenEXR or .npy.")
 
 
 def _with_alpha(samples: np.ndarray, alpha: np.ndarray | None) -> np.ndarray:

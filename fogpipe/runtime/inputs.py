@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from fogpipe.errors import InputError, suggestion
+from fogpipe.io.camera import read_camera
+from fogpipe.io.files import split_layer
+from fogpipe.io.given import DISTANCES, Given, GivenInputs, camera_given, read_given
 from fogpipe.pipeline.plan import Plan
 from fogpipe.ports import Kind
-
-_DISTANCES = ("Range", "Depth", "RelativeDepth")
 
 
 @dataclass(frozen=True)
@@ -33,10 +34,16 @@ class Request:
     depth: str | None = None
     camera: str | None = None
 
-    def to_data(self) -> dict[str, Any]:
-        """Plain data with absolute paths."""
+    def to_data(self, kinds: Mapping[str, Kind] | None = None) -> dict[str, Any]:
+        """Plain data with absolute paths.
+
+        Parameters
+        ----------
+        kinds : of the pipeline's inputs, by name; they tell which texts are numbers and stay as they are.
+        """
+        numbers = {name for name, kind in (kinds or {}).items() if kind.is_scalar}
         data = asdict(self)
-        data["files"] = {name: _absolute(text) for name, text in self.files.items()}
+        data["files"] = {name: text if name in numbers else _absolute(text) for name, text in self.files.items()}
         data["camera"] = self.camera and _absolute(self.camera)
         if self.scene and not self.scene.startswith("sample:"):
             data["scene"] = _absolute(self.scene)
@@ -67,30 +74,53 @@ def inputs_from_request(plan: Plan, request: Request) -> Inputs:
     Raises
     ------
     InputError
-        If a file cannot be used, an input is missing or not known, or sizes disagree.
+        If a file cannot be used, an input is missing or not known, sizes disagree, a picture that EXIF turned comes
+        with a distance, or an encoding or a camera is named that nothing is read with.
     """
     for name in request.files:
         if name not in plan.graph.inputs:
             hint = suggestion(name, plan.graph.inputs)
             raise InputError(f'-i {name}: {plan.graph.source} has no input "{name}".{hint}')
-    values: dict[str, np.ndarray] = {}
-    sources: dict[str, str] = {}
-    notes: list[str] = []
-    alpha = None
+    _refuse_idle(plan, request)
+    graph = plan.graph
+    camera_files = {name: request.files[name] for name in request.files if graph.inputs[name].name == "Camera"}
+    camera_file = request.camera or next(iter(camera_files.values()), None)
+    own_camera = read_camera(camera_file) if camera_file else None
+    scene = GivenInputs({}, own_camera)
     if request.scene:
         from fogpipe.io.scenes import open_scene
 
-        scene = open_scene(request.scene).load(plan.graph.color)
-        values, sources, alpha = dict(scene.values), dict(scene.sources), scene.alpha
-        notes += scene.notes
+        missing = [name for name in plan.inputs if name not in request.files]
+        scene = open_scene(request.scene).load(graph.color, missing, own_camera)
+    given: dict[str, Given] = dict(scene.inputs)
     for name in plan.inputs:
-        if name in request.files:
-            values[name], opacity, said = _read(plan, name, request)
-            alpha = alpha if opacity is None else opacity
-            sources[name] = request.files[name]
-            notes += said
-    values = {name: values[name] for name in plan.inputs if name in values}
-    return Inputs(checked(plan, values, given_by="file"), sources, alpha, tuple(notes))
+        if name in request.files and name not in camera_files:
+            kind, text = graph.inputs[name], request.files[name]
+            given[name] = read_given(name, kind, text, color=graph.color, encoding=request.depth, camera=scene.camera)
+    for name in plan.inputs:
+        if graph.inputs[name].name == "Camera":
+            camera = read_camera(camera_files[name]) if name in camera_files else scene.camera
+            if camera:
+                given[name] = camera_given(camera, given)
+    everything = GivenInputs({name: given[name] for name in plan.inputs if name in given})
+    values = checked(plan, everything.values, given_by="file", sources=everything.sources)
+    return Inputs(values, everything.sources, everything.alpha, everything.notes)
+
+
+def _refuse_idle(plan: Plan, request: Request) -> None:
+    """An encoding or a camera that nothing would be read with is a mistake."""
+    if any(plan.graph.inputs[name].name in DISTANCES for name in request.files):
+        return
+    takes_camera = any(plan.graph.inputs[name].name == "Camera" for name in plan.inputs)
+    idle = [f"--depth {request.depth}"] if request.depth else []
+    if request.camera and (request.scene or not takes_camera):
+        idle.append(f"--camera {request.camera}")
+    if idle:
+        why = "the scene says both for its own" if request.scene else "there is none"
+        raise InputError(
+            f"{' and '.join(idle)} would change nothing: --depth and --camera say how a depth file given with -i is"
+            f" encoded, and {why}. Leave them out, or give the depth file with -i."
+        )
 
 
 def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
@@ -114,20 +144,24 @@ def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
                 picture = picture_from_array(np.asarray(arrays[name]), color=plan.graph.color)
             except InputError as error:
                 raise InputError(f"input {name}: {error}") from error
-            values[name], alpha = picture.pixels, picture.alpha
+            values[name] = picture.pixels
+            alpha = picture.alpha if alpha is None else alpha
         else:
             values[name] = np.asarray(arrays[name])
     return Inputs(checked(plan, values, given_by="argument"), dict.fromkeys(values, "array"), alpha)
 
 
-def checked(plan: Plan, values: Mapping[str, np.ndarray], given_by: str) -> dict[str, np.ndarray]:
+def checked(
+    plan: Plan, values: Mapping[str, np.ndarray], given_by: str, sources: Mapping[str, str] | None = None
+) -> dict[str, np.ndarray]:
     """Check presence, dtype, shape, values and common size of a plan's inputs."""
     missing = [f"{name} ({plan.graph.inputs[name]})" for name in plan.inputs if name not in values]
     if missing:
-        how = "-i NAME=FILE or --scene" if given_by == "file" else "as a keyword argument"
-        raise InputError(f"{plan.graph.source} needs {', '.join(missing)}; give it with {how}.")
+        how = "with -i NAME=FILE, or a scene that has it" if given_by == "file" else "as a keyword argument"
+        raise InputError(f"{plan.graph.source} needs {', '.join(missing)}; give it {how}.")
     checked_values = {}
     sizes: dict[str, tuple[int, str]] = {}
+    where = {name: f"input {name} ({sources[name]})" if sources else f"input {name}" for name in plan.inputs}
     for name in plan.inputs:
         kind = plan.graph.inputs[name]
         array = values[name]
@@ -135,75 +169,30 @@ def checked(plan: Plan, values: Mapping[str, np.ndarray], given_by: str) -> dict
             array = array.astype(np.float32)
         if problem := kind.misfit(array) or kind.bad_values(array):
             raise InputError(f"input {name}: {problem}.{_advice(kind, array)}")
-        for symbol, size in _sizes(kind, array).items():
+        for symbol, size in kind.sizes(array).items():
             other, owner = sizes.setdefault(symbol, (size, name))
             if other != size:
                 raise InputError(
-                    f"input {name} has shape {array.shape} and {owner} has {values[owner].shape}; "
-                    f"all inputs of a run must have the same height and width. Resample one of them."
+                    f"{where[name]} has shape {array.shape} and {where[owner]} has {values[owner].shape}; all inputs"
+                    f" of a run must have the same height and width. Resize the picture, not the depth: interpolated"
+                    f" depth is false at edges."
                 )
         checked_values[name] = array
     return checked_values
 
 
-def _sizes(kind: Kind, array: np.ndarray) -> dict[str, int]:
-    shape = next((shape for shape in kind.shapes if len(shape) == array.ndim), ())
-    return {symbol: size for symbol, size in zip(shape, array.shape, strict=True) if isinstance(symbol, str)}
-
-
 def _advice(kind: Kind, array: np.ndarray) -> str:
-    if kind.name in _DISTANCES and np.issubdtype(array.dtype, np.integer):
+    if kind.name in DISTANCES and np.issubdtype(array.dtype, np.integer):
         return " Convert codes to metres first; on the command line --depth names the encoding."
-    if kind.name in _DISTANCES and array.ndim == 3:
+    if kind.name in DISTANCES and array.ndim == 3:
         return " A picture of depth in colours holds no metres; give the depth itself."
     return ""
 
 
-def _read(plan: Plan, name: str, request: Request) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
-    """One input from its file: the values, an opacity if it is a picture with one, and notes."""
-    kind = plan.graph.inputs[name]
-    text = request.files[name]
-    if kind.is_scalar:
-        try:
-            return np.array(float(text)), None, ()
-        except ValueError as error:
-            raise InputError(f"-i {name}={text}: {kind} is a single number.") from error
-    path = Path(text)
-    if kind.name == "Image":
-        from fogpipe.io.images import read_image
-
-        picture = read_image(path, color=plan.graph.color)
-        return picture.pixels, picture.alpha, (f"{name}: {picture.description}",)
-    if kind.name in _DISTANCES:
-        return _read_distance(kind, name, path, request)
-    if kind.name == "Camera":
-        from fogpipe.io.camera import read_camera
-
-        return read_camera(path).matrix, None, ()
-    from fogpipe.io.maps import read_map
-
-    array = read_map(path)
-    return (array > 0.5 if kind.dtype == "bool" else array), None, ()
-
-
-def _read_distance(
-    kind: Kind, name: str, path: Path, request: Request
-) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
-    from fogpipe.io.camera import read_camera
-    from fogpipe.io.depth import read_depth, to_range
-
-    camera = read_camera(Path(request.camera)) if request.camera else None
-    depth = read_depth(path, encoding=request.depth, camera=camera)
-    if kind.name == "Range":
-        if depth.geometry == "relative":
-            raise InputError(f"input {name}: {path} holds relative depth, which has no metres; {kind} is needed.")
-        array, notes = to_range(depth, camera)
-        return array, None, (*depth.notes, *notes)
-    if (kind.name == "RelativeDepth") != (depth.geometry == "relative") or depth.geometry == "radial":
-        raise InputError(f"input {name}: {path} holds {depth.geometry} distance, but {kind} is needed.")
-    return depth.values, None, depth.notes
-
-
 def _absolute(text: str) -> str:
-    path = Path(text)
-    return str(path.resolve()) if path.exists() else text
+    """The path from anywhere; ``picture.exr#left`` keeps its layer."""
+    file, layer = split_layer(text)
+    path = Path(file)
+    if not path.exists():
+        return text
+    return f"{path.resolve()}#{layer}" if layer else str(path.resolve())

@@ -52,7 +52,7 @@ def make_record(
         "fogpipe": fogpipe.__version__,
         "source": graph.source,
         "pipeline": graph.resolved(),
-        "request": request.to_data(),
+        "request": request.to_data(graph.inputs),
         "options": asdict(options),
         "inputs": {
             name: _describe(graph.inputs[name], array) | {"source": inputs.sources.get(name, "array")}

@@ -22,6 +22,7 @@ def estimate(
     *,
     source: Literal["auto", "given", "sky", "brightest"] = "auto",
     colour: tuple[Annotated[float, Ge(0)], Annotated[float, Ge(0)], Annotated[float, Ge(0)]] | None = None,
+    saturation: Annotated[float, Ge(0), Le(1)] = 1.0,
     horizon: Annotated[float, Gt(0), Le(1)] = 0.25,
     share: Annotated[float, Gt(0), Le(1)] = 0.001,
     patch: Annotated[int, Ge(1), Unit("px")] = 15,
@@ -34,8 +35,11 @@ def estimate(
     sky : (H, W) bool, optional.
     source : ``"given"``: ``colour``. ``"sky"``: the median colour of the sky near the horizon, which a sun or dark
         branches in the mask do not move. ``"brightest"``: the median colour of the brightest patches.
-        ``"auto"``: given if there is a colour, else the sky if there is any, else the brightest patches.
+        ``"auto"``: given if there is a colour, else the sky if there is any and its colour is not black (as is the
+        background of a rendered picture, which is no sky that lights a haze), else the brightest patches.
     colour : (red, green, blue), linear light.
+    saturation : Share of an estimated colour that is kept; the rest is grey of the same luminance. Droplets scatter all
+        colours alike, so fog under a blue sky is nearly white; a given colour stays as it is.
     horizon : Share of the sky that is used, from its lowest pixel up. A far object fades into the sky at the horizon,
         which is paler than the zenith; 1 takes the whole sky.
     share : Brightest share of all patches that is used; at least one is.
@@ -65,24 +69,34 @@ def estimate(
     """
     require_maps(image=(image, 3), **({} if sky is None else {"sky": (sky, 1)}))
     (image,) = floats(image)
-    has_sky = sky is not None and bool(sky.any())
-    if source == "auto":
-        source = "given" if colour is not None else "sky" if has_sky else "brightest"
+    airlight = np.zeros(3, image.dtype)
+    if source == "auto" and colour is not None:
+        source = "given"
     if source == "given":
         if colour is None:
             raise ValueError('source "given" needs a colour: set colour to (red, green, blue).')
         airlight = np.array(colour, image.dtype)
+    if source in ("auto", "sky") and sky is not None and sky.any():
+        airlight = _at_horizon(image, sky, horizon)
     elif source == "sky":
-        if sky is None or not has_sky:
-            raise ValueError('source "sky" needs a sky, and this scene has none: use "auto" or "brightest".')
-        pixels = np.flatnonzero(sky)  # in raster order: the last are the lowest
-        lowest = pixels[-max(1, round(horizon * pixels.size)) :]
-        airlight = np.median(image.reshape(-1, 3)[lowest], axis=0)
-    else:
+        raise ValueError('source "sky" needs a sky, and this scene has none: use "auto" or "brightest".')
+    if source == "auto" and airlight.max() <= 0:  # NaN is not: a sky that is not finite is told, not passed over
+        source = "brightest"
+    if source == "brightest":
         airlight = np.median(_brightest_patches(image, share, patch), axis=0)
     if airlight.shape != (3,) or not np.isfinite(airlight).all() or (source == "given" and airlight.min() < 0):
         raise ValueError(f"the airlight ({source}) must be three finite numbers of 0 or more, not {airlight}.")
+    if source != "given":
+        luminance = airlight @ np.array(LUMINANCE, airlight.dtype)
+        airlight = luminance + image.dtype.type(saturation) * (airlight - luminance)
     return np.maximum(airlight, 0)
+
+
+def _at_horizon(image: FloatArray, sky: Mask, horizon: float) -> FloatArray:
+    """The median colour of the lowest share of the sky."""
+    pixels = np.flatnonzero(sky)  # in raster order: the last are the lowest
+    lowest = pixels[-max(1, round(horizon * pixels.size)) :]
+    return np.median(image.reshape(-1, 3)[lowest], axis=0)
 
 
 def _brightest_patches(image: FloatArray, share: float, patch: int) -> FloatArray:

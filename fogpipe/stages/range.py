@@ -63,7 +63,7 @@ def _is_dense(range_map: Range) -> str | None:
 
     measured = (~np.isnan(range_map)).view(np.uint8)
     inner = cv2.erode(measured, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
-    return "the range is dense" if 2 * np.count_nonzero(inner) >= np.count_nonzero(measured) else None
+    return "the range is not sparse" if 2 * np.count_nonzero(inner) >= np.count_nonzero(measured) else None
 
 
 @stage("range.densify", identity_when=_is_dense)

@@ -98,6 +98,39 @@ def test_single_files_make_a_scene(folder):
     assert set(inputs.values) == {"image", "range_map", "camera"}
 
 
+def test_the_description_of_the_picture_is_noted(folder):
+    assert scene(folder, FULL).load().notes[0] == "image: 8-bit colour PNG, sRGB"
+
+
+def test_what_nobody_wants_is_not_read(folder):
+    (folder / "depth.png").unlink()
+    inputs = scene(folder, FULL).load("linear", ["image", "camera"])
+    assert set(inputs.values) == {"image", "camera"}
+    assert not any("depth" in note for note in inputs.notes)
+
+
+def turned(folder, orientation):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    Image.fromarray(np.full((6, 8, 3), 188, np.uint8)).save(folder / "rgb.png", exif=exif)
+
+
+@pytest.mark.parametrize("orientation", [2, 3])
+def test_a_turned_picture_with_depth_is_refused(folder, orientation):
+    turned(folder, orientation)
+    with pytest.raises(InputError) as caught:
+        scene(folder, FULL).load()
+    for part in (f"EXIF orientation {orientation}", "rgb.png", "depth.png", "remove the tag"):
+        assert part in str(caught.value)
+
+
+def test_a_turned_picture_alone_is_not(folder):
+    turned(folder, 6)
+    inputs = scene(folder, "image: rgb.png\n").load()
+    assert inputs.values["image"].shape == (8, 6, 3)
+    assert "EXIF orientation 6 applied" in inputs.notes[0]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -134,12 +167,6 @@ def test_bad_content_is_refused_when_loaded(folder, change, message):
     with pytest.raises(InputError) as caught:
         bad.load()
     assert message in str(caught.value)
-
-
-def test_image_and_depth_must_have_one_size(folder):
-    Image.fromarray(np.full((6, 9, 3), 188, np.uint8)).save(folder / "rgb.png")
-    with pytest.raises(InputError, match=r"rgb.png has 9×6 pixels but .*depth.png has 8×6"):
-        scene(folder, FULL).load()
 
 
 def test_a_missing_scene_file_names_the_samples(tmp_path):

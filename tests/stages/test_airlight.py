@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fogpipe.stages.airlight import estimate
+from fogpipe.stages.airlight import LUMINANCE, estimate
 
 HAZE = np.array([0.7, 0.75, 0.8], np.float32)
 
@@ -40,6 +40,25 @@ def test_brightest_patches_without_a_sky():
     image[:40] = HAZE
     np.testing.assert_array_equal(estimate(image), HAZE)
     np.testing.assert_array_equal(estimate(image, np.zeros((90, 120), bool)), HAZE)
+
+
+def test_a_black_background_is_no_sky():
+    image, sky = scene()
+    image[:40] = 0  # a rendered picture on nothing
+    image[60:] = HAZE
+    np.testing.assert_array_equal(estimate(image, sky), HAZE)
+    np.testing.assert_array_equal(estimate(image, sky, source="sky"), [0, 0, 0])
+    image[39, :, 2] = 0.01  # a sky at night is one
+    assert estimate(image, sky, horizon=0.025)[2] == np.float32(0.01)
+
+
+def test_a_rendered_picture_on_nothing(shared_data):
+    from fogpipe.io.depth import read_depth
+    from fogpipe.io.images import read_image
+
+    path = shared_data / "exr" / "beachball.exr"
+    sky = np.isnan(read_depth(path, encoding="exr-z").values)
+    assert estimate(read_image(path).pixels, sky).min() > 0
 
 
 def test_a_lamp_does_not_count():
@@ -87,3 +106,17 @@ def test_what_cannot_be_is_refused(options, message):
 def test_an_image_without_a_finite_pixel_is_refused():
     with pytest.raises(ValueError, match=r"brightest.*three finite numbers"):
         estimate(np.full((4, 4, 3), np.nan))
+
+
+def test_an_estimated_colour_can_be_made_paler_at_the_same_luminance():
+    image = np.broadcast_to(np.array([0.2, 0.4, 0.8], np.float32), (30, 30, 3))
+    full, pale, grey = (estimate(image, saturation=saturation) for saturation in (1.0, 0.5, 0.0))
+    luminance = full @ np.array(LUMINANCE)
+    np.testing.assert_allclose(pale @ np.array(LUMINANCE), luminance, rtol=1e-6)  # float32 sums of three
+    np.testing.assert_allclose(pale - luminance, 0.5 * (full - luminance), atol=1e-6)
+    np.testing.assert_allclose(grey, luminance, rtol=1e-6)
+
+
+def test_a_given_colour_is_never_made_paler():
+    image = np.zeros((3, 3, 3), np.float32)
+    np.testing.assert_array_equal(estimate(image, colour=(0.25, 0.5, 0.75), saturation=0.0), [0.25, 0.5, 0.75])
