@@ -26,6 +26,7 @@ def identify(
     *,
     min_area: Annotated[float, Gt(0), Le(1)] = 0.005,
     touching: Literal["top", "any"] = "top",
+    gap: Annotated[int, Ge(0), Unit("px")] = 4,
 ) -> Undefined:
     """Tell sky from holes among the pixels without a measured range.
 
@@ -40,6 +41,8 @@ def identify(
         from the top: its middle lies higher than the lowest sky that touches the top. A region that
         reaches the bottom edge is not sky (the frame around a registered depth map, the gaps of a sparse lidar).
         ``"any"``: every large region is sky, as in the paper.
+    gap : Where there is sky, small regions within this distance of it belong to it too, and what is so near to
+        these: the sky between leaves. 0 takes the large regions only, as in the paper.
 
     Returns
     -------
@@ -48,10 +51,10 @@ def identify(
 
     Notes
     -----
-    One labelling, about 12 ns per pixel; 0.5 ns where nothing is unknown.
+    One or two labellings, 12 ns per pixel each; 0.5 ns where nothing is unknown.
 
     Deviates from the paper: it takes the largest regions wherever they are (``touching="any"``), which makes sky
-    of a large hole in an indoor scene.
+    of a large hole in an indoor scene, and only these, which leaves clear specks of sky in the crowns of foggy trees.
 
     References
     ----------
@@ -72,7 +75,20 @@ def identify(
     borders_measured[labels[regions.border(unknown, np.isfinite(range_map))]] = True
     is_sky |= ~borders_measured[1:]
     sky = infinite | np.append(False, is_sky)[labels]
+    if gap and sky.any():
+        reached, count = regions.label(_widened(unknown | infinite, gap))
+        belongs = np.zeros(count + 1, bool)
+        belongs[reached[sky]] = True
+        sky |= unknown & belongs[reached]
     return Undefined(sky, unknown & ~sky)
+
+
+def _widened(mask: Mask, gap: int) -> Mask:
+    """The mask and all pixels within half of ``gap`` of it, so that what is ``gap`` apart is connected."""
+    import cv2
+
+    size = gap // 2 * 2 + 1
+    return cv2.dilate(mask.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))).view(bool)
 
 
 def _no_sky(sky: Mask) -> str | None:

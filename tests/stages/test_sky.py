@@ -21,7 +21,7 @@ def street() -> np.ndarray:
 
 def test_large_regions_at_the_top_are_sky_the_rest_are_holes():
     range_map = street()
-    sky, holes = identify(range_map)
+    sky, holes = identify(range_map, gap=0)
     expected = np.zeros((60, 100), bool)
     expected[:30, :60] = expected[:30, 70:] = True
     np.testing.assert_array_equal(sky, expected)
@@ -131,3 +131,32 @@ def test_an_unfilled_hole_beside_the_margin_is_left_out():
     for solver in ("direct", "jacobi"):
         matted = matte(range_map, sky, np.array(10.0), margin=3, solver=solver)
         np.testing.assert_array_equal(np.isnan(matted), np.isnan(range_map) & ~sky)
+
+
+def leafy_crown() -> np.ndarray:
+    """Sky above row 10, and below it a crown whose gaps lie 3 px from the sky and from each other."""
+    range_map = np.full((60, 60), 20.0, np.float32)
+    range_map[:10] = np.nan
+    for row in (13, 17, 21):
+        range_map[row, 30] = np.nan
+    range_map[50, 30] = np.nan
+    return range_map
+
+
+def test_sky_between_leaves_is_sky_but_a_hole_far_from_it_is_not():
+    found = identify(leafy_crown())
+    assert found.sky[[13, 17, 21], 30].all()
+    assert found.holes[50, 30]
+    assert found.sky.sum() == 600 + 3
+
+
+def test_without_a_gap_only_large_regions_are_sky_as_in_the_paper():
+    found = identify(leafy_crown(), gap=0)
+    assert found.sky.sum() == 600
+    assert found.holes.sum() == 4
+
+
+def test_gaps_alone_make_no_sky():
+    range_map = leafy_crown()
+    range_map[:10] = 30.0
+    assert not identify(range_map).sky.any()
