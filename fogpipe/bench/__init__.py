@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 SUBJECTS = {
     "overhead": "fogpipe.bench.overhead",
     "haze": "fogpipe.bench.haze",
+    "blur": "fogpipe.bench.blur",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 

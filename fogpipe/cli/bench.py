@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -12,14 +13,16 @@ from fogpipe.errors import RequestError
 
 
 def command(
-    subject: Annotated[str, typer.Argument(help="What to measure: overhead, haze.")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="DIR", help="Write CSV and JSON here.")] = None,
+    subject: Annotated[str, typer.Argument(help="What to measure: overhead, haze, blur.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="DIR", help="Write CSV, JSON and pictures here.")
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Smaller frames and fewer repeats.")] = False,
     as_json: o.AsJson = False,
 ) -> None:
     """Measure speed against error, as ratios to a named yardstick in this process."""
     from fogpipe import bench
-    from fogpipe.bench import table
+    from fogpipe.bench import chart, table
     from fogpipe.io.atomic import atomic_write
 
     if subject not in bench.SUBJECTS:
@@ -30,6 +33,12 @@ def command(
         typer.echo(table.as_json(rows), nl=False)
     if out:
         out.mkdir(parents=True, exist_ok=True)
-        for suffix, text in (("csv", table.as_csv(rows)), ("json", table.as_json(rows))):
-            with atomic_write(out / f"{subject}.{suffix}") as temporary:
+        files = {f"{subject}.csv": table.as_csv(rows), f"{subject}.json": table.as_json(rows)}
+        for case in dict.fromkeys(row.case for row in rows):
+            # A picture says something where several ways are compared in both time and error.
+            if sum(1 for row in rows if row.case == case and row.error and row.ratio) > 1:
+                name = "-".join(re.findall(r"[\w.]+", f"{subject} {case}"))
+                files[f"{name}.svg"] = chart.time_against_error(rows, case)
+        for name, text in files.items():
+            with atomic_write(out / name) as temporary:
                 temporary.write_text(text, encoding="utf-8")

@@ -33,7 +33,11 @@ def command(
     from fogpipe.runtime.preview import preview
 
     plan = o.load_pipeline(pipeline, settings, plugins, seed, tolerance).plan(to)
-    given = inputs_from_request(plan, o.make_request(scene, inputs, depth, camera)) if scene or inputs else None
+    given = (
+        inputs_from_request(plan, o.make_request(scene, inputs, depth, camera))
+        if scene or inputs or depth or camera
+        else None
+    )
     found = preview(plan, given.values if given else None, Cache(cache, read_only=True) if cache else None)
     if as_json:
         typer.echo(json.dumps(asdict(found), indent=2, ensure_ascii=False))
