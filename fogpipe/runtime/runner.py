@@ -18,6 +18,7 @@ from fogpipe.pipeline.graph import Node, Ref
 from fogpipe.pipeline.plan import Plan
 from fogpipe.runtime.cache import Cache, digest
 from fogpipe.runtime.events import Observer, StageReport, Status
+from fogpipe.runtime.failure import describe_failure
 
 
 @dataclass
@@ -179,7 +180,7 @@ class _Run:
                 arguments["rng"] = random_generator(self.plan.graph.seed, node.name)
             outputs = dict(_outputs(node, node.contract.function(**arguments), _sizes(node, ports)))
         except Exception as error:
-            raise StageError(_describe_failure(node, ports, error)) from error
+            raise StageError(describe_failure(node, ports, error)) from error
         kept = self.cache.store(key, {ref.port: array for ref, array in outputs.items()}) if self.cache else {}
         digests = {Ref(node.name, port): value for port, value in kept.items()}
         return _Done(self._report(node, "ran", started), outputs, digests)
@@ -249,7 +250,7 @@ def identity_reason(node: Node, arguments: Mapping[str, Any]) -> str | None:
         return condition(**{name: arguments.get(name) for name in node.contract.condition_arguments})
     except Exception as error:
         ports = {name: value for name, value in arguments.items() if name in node.sources}
-        raise StageError(_describe_failure(node, ports, error)) from error
+        raise StageError(describe_failure(node, ports, error)) from error
 
 
 def _sizes(node: Node, ports: Mapping[str, np.ndarray]) -> dict[str, int]:
@@ -280,32 +281,3 @@ def _owner(array: np.ndarray) -> np.ndarray:
     while isinstance(array.base, np.ndarray):
         array = array.base
     return array
-
-
-def _describe_failure(node: Node, ports: Mapping[str, np.ndarray], error: Exception) -> str:
-    lines = [f'stage "{node.name}" ({node.contract.name}, {node.origin}) failed: {type(error).__name__}: {error}']
-    for name, array in ports.items():
-        port = node.contract.input(name)
-        lines.append(f"  {name}: {port.kind.name if port else ''} {describe(array)}")
-    settings = ", ".join(f"{key}={value!r}" for key, value in node.parameters.items())
-    lines.append(f"  with {settings or 'no parameters'}")
-    if isinstance(error, ValueError):
-        lines.append("  Change its parameters or its inputs. With --cache DIR the stages before it need not run again.")
-    else:
-        lines.append("  This is a fault of the stage; fogpipe --debug shows where.")
-    return "\n".join(lines)
-
-
-def describe(array: np.ndarray) -> str:
-    """Shape, dtype and range of an array, never its contents."""
-    text = f"shape {array.shape} {array.dtype}"
-    if array.dtype == np.bool_ or not array.size:
-        return text
-    finite = array[np.isfinite(array)]
-    if finite.size:
-        text += f", {finite.min():.4g} … {finite.max():.4g}"
-    if unknown := int(np.isnan(array).sum()):
-        text += f", {unknown} NaN"
-    if infinite := int(np.isinf(array).sum()):
-        text += f", {infinite} inf"
-    return text

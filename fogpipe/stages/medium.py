@@ -31,9 +31,21 @@ class Medium(NamedTuple):
 
 
 def extinction_from_visibility(visibility: float, threshold: Threshold = "wmo-5%") -> float:
-    """Extinction β (1/m) of a medium with the visibility V (m): β = −ln(contrast) / V, exactly.
+    """Extinction of a medium with a visibility, β = −ln(contrast) / V.
 
-    An infinite visibility is an extinction of 0. Raises ValueError if V is not above 0.
+    Parameters
+    ----------
+    visibility : V, metres; infinite for clear air.
+    threshold : The contrast that it refers to.
+
+    Returns
+    -------
+    β, per metre; 0 for an infinite visibility.
+
+    Raises
+    ------
+    ValueError
+        If the visibility is not above 0.
     """
     if not visibility > 0:
         raise ValueError(f"visibility must be above 0 m, not {visibility:g}.")
@@ -41,7 +53,22 @@ def extinction_from_visibility(visibility: float, threshold: Threshold = "wmo-5%
 
 
 def visibility_from_extinction(extinction: float, threshold: Threshold = "wmo-5%") -> float:
-    """Visibility V (m) in a medium of the extinction β (1/m); infinite at 0. The inverse of the above."""
+    """Visibility in a medium, V = −ln(contrast) / β, the inverse of :func:`extinction_from_visibility`.
+
+    Parameters
+    ----------
+    extinction : β, per metre.
+    threshold : The contrast that the visibility refers to.
+
+    Returns
+    -------
+    V, metres; infinite for an extinction of 0.
+
+    Raises
+    ------
+    ValueError
+        If the extinction is negative or NaN.
+    """
     if not extinction >= 0:
         raise ValueError(f"extinction must be 0 or more per metre, not {extinction:g}.")
     return -math.log(_CONTRAST[threshold]) / extinction if extinction else math.inf
