@@ -34,6 +34,7 @@ from fogpipe.runtime.record import (
     changed_inputs,
     changed_outputs,
     changed_versions,
+    describe_inputs,
     make_record,
     read_record,
     strict_json,
@@ -71,7 +72,8 @@ def run_job(
     plan = pipeline.plan(options.to)
     check_formats(plan, options)
     inputs = inputs_from_request(plan, request)
-    if expected_inputs and (changed := changed_inputs(expected_inputs, inputs)):
+    described = describe_inputs(pipeline.graph, inputs)
+    if expected_inputs and (changed := changed_inputs(expected_inputs, described)):
         raise InputError(f"the content of {', '.join(changed)} is not what it was in the recorded run.")
     check_opacity(inputs, options)
     make_folder(folder)
@@ -83,7 +85,9 @@ def run_job(
         files = _write_outputs(pipeline.graph, plan.outputs, result, inputs, options, draft)
         if sheet:
             sheet.write(draft / SHEET_NAME)
-        record = make_record(plan, request, options, inputs, result, files, time.perf_counter() - started)
+        record = make_record(
+            plan, request, options, described, inputs.notes, result, files, time.perf_counter() - started
+        )
         (draft / RECORD_NAME).write_text(strict_json(record), encoding="utf-8")
         publish(draft, folder)
     return record

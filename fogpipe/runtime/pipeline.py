@@ -115,8 +115,8 @@ def run_plan(
     cache: Cache | None = None,
     observer: Observer | None = None,
 ) -> Result:
-    """Run a plan on checked inputs and hold what it gave against what the pipeline expects."""
-    outcome = execute(plan, inputs.values, workers=workers, cache=cache, observer=observer)
+    """Run a plan on checked inputs, which it uses up, and hold what it gave against what the pipeline expects."""
+    outcome = execute(plan, inputs.values, workers=workers, cache=cache, observer=observer, consume=True)
     missed = []
     for expectation in plan.expectations:
         value = float(outcome.values[expectation.ref])

@@ -60,7 +60,7 @@ def preview(plan: Plan, inputs: Mapping[str, np.ndarray] | None = None, cache: C
         for port, ref in node.sources.items()
         if port in node.contract.condition_arguments
     }
-    decided = execute(plan_for(plan.graph, deciding), inputs, cache=cache)
+    decided = execute(plan_for(plan.graph, deciding), dict(inputs), cache=cache)
     skipped = {
         node.name: reason for node in conditional if (reason := identity_reason(node, _arguments(node, decided.values)))
     }

@@ -6,7 +6,7 @@ import json
 import math
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 
 import fogpipe
 from fogpipe.errors import InputError
-from fogpipe.pipeline.graph import Node
+from fogpipe.pipeline.graph import Graph, Node
 from fogpipe.pipeline.plan import Plan
 from fogpipe.ports import Kind
 from fogpipe.runtime.cache import digest
@@ -40,12 +40,16 @@ def make_record(
     plan: Plan,
     request: Request,
     options: Options,
-    inputs: Inputs,
+    inputs: Mapping[str, Any],
+    notes: Sequence[str],
     result: Result,
     files: Mapping[str, dict[str, str]],
     seconds: float,
 ) -> dict[str, Any]:
-    """Everything that is needed to say how the outputs were made, and to make them again."""
+    """Everything that is needed to say how the outputs were made, and to make them again.
+
+    ``inputs`` is what :func:`describe_inputs` said of them before the run used them up.
+    """
     graph = plan.graph
     return {
         "record": RECORD_VERSION,
@@ -54,11 +58,8 @@ def make_record(
         "pipeline": graph.resolved(),
         "request": request.to_data(graph.inputs),
         "options": asdict(options),
-        "inputs": {
-            name: _describe(graph.inputs[name], array) | {"source": inputs.sources.get(name, "array")}
-            for name, array in inputs.values.items()
-        },
-        "notes": list(inputs.notes),
+        "inputs": inputs,
+        "notes": list(notes),
         "outputs": {
             name: _describe(graph.kind(plan.outputs[name]), array) | files.get(name, {})
             for name, array in result.items()
@@ -94,9 +95,17 @@ def read_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def changed_inputs(record: Mapping[str, Any], inputs: Inputs) -> list[str]:
-    """Inputs whose content is not what the record says."""
-    return [name for name, array in inputs.values.items() if digest(array) != record["inputs"][name]["digest"]]
+def describe_inputs(graph: Graph, inputs: Inputs) -> dict[str, Any]:
+    """What a record says of each input: kind, shape, dtype, digest and source."""
+    return {
+        name: _describe(graph.inputs[name], array) | {"source": inputs.sources.get(name, "array")}
+        for name, array in inputs.values.items()
+    }
+
+
+def changed_inputs(record: Mapping[str, Any], inputs: Mapping[str, Any]) -> list[str]:
+    """Inputs, described, whose content is not what the record says."""
+    return [name for name, now in inputs.items() if now["digest"] != record["inputs"][name]["digest"]]
 
 
 def changed_outputs(record: Mapping[str, Any], outcome: Mapping[str, Any]) -> list[str]:

@@ -39,11 +39,12 @@ class Outcome:
 
 def execute(
     plan: Plan,
-    inputs: Mapping[str, np.ndarray],
+    inputs: dict[str, np.ndarray],
     *,
     workers: int | None = None,
     cache: Cache | None = None,
     observer: Observer | None = None,
+    consume: bool = False,
 ) -> Outcome:
     """Run the stages of a plan.
 
@@ -54,13 +55,17 @@ def execute(
         not depend on it.
     cache : where results are looked up and kept.
     observer : is told of every event.
+    consume : empty ``inputs``, so that they too are freed after their last reader.
 
     Raises
     ------
     StageError
         When a stage fails; other stages that had started are waited for.
     """
-    return _Run(plan, inputs, cache, observer or Observer()).execute(workers or threads())
+    run = _Run(plan, inputs, cache, observer or Observer())
+    if consume:
+        inputs.clear()
+    return run.execute(workers or threads())
 
 
 def random_generator(seed: int, stage_name: str) -> np.random.Generator:

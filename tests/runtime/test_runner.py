@@ -93,6 +93,21 @@ def test_an_array_is_freed_after_its_last_reader(build):
     assert seen == [True]
 
 
+def test_inputs_that_are_given_away_are_freed_too(build):
+    given = {"range_map": RANGE.copy()}
+    alive = weakref.ref(given["range_map"])
+    seen: list[bool] = []
+
+    class Watch(Observer):
+        def started(self, name: str) -> None:
+            if name == "moved":
+                gc.collect()
+                seen.append(alive() is None)
+
+    execute(make_plan(build(CHAIN)), given, observer=Watch(), consume=True)
+    assert seen == [True]
+
+
 def test_peak_bytes_counts_the_most_that_lived_at_once(build):
     outcome = execute(make_plan(build(CHAIN)), {"range_map": RANGE})
     # Two arrays of 4 float32 at any moment: the input and filled, then filled and moved.
