@@ -105,7 +105,7 @@ def describe_inputs(graph: Graph, inputs: Inputs) -> dict[str, Any]:
 
 def changed_inputs(record: Mapping[str, Any], inputs: Mapping[str, Any]) -> list[str]:
     """Inputs, described, whose content is not what the record says."""
-    return [name for name, now in inputs.items() if now["digest"] != record["inputs"][name]["digest"]]
+    return [name for name, now in inputs.items() if now["digest"] != record["inputs"].get(name, {}).get("digest")]
 
 
 def changed_outputs(record: Mapping[str, Any], outcome: Mapping[str, Any]) -> list[str]:
