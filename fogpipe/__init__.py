@@ -1,4 +1,4 @@
-"""fogpipe adds fog and haze to images, and takes them away again.
+"""fogpipe adds fog and haze to images.
 
 >>> import fogpipe
 >>> result = fogpipe.load("hansard2019").run(image=image, range_map=range_map)  # doctest: +SKIP

@@ -16,7 +16,7 @@ from fogpipe.errors import FogpipeError
 
 app = typer.Typer(
     name="fogpipe",
-    help="Adds fog and haze to images, and takes them away again.",
+    help="Adds fog and haze to images.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
