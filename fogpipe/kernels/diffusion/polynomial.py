@@ -1,29 +1,32 @@
-"""Diffusion as a polynomial of the operator, in tiles that stay in the cache.
+"""Diffusion on one level as a polynomial of the operator, in tiles that stay in the cache.
 
 The equation ∂F/∂t = −A F is linear, so its solution at time 1 is e^{−A} F. On the spectrum [0, λ] of A, the Chebyshev
 series of e^{−a} converges faster than any power once its degree passes √λ: what is left out is about
 erfc(degree / √λ). A degree of m costs m steps of four neighbours; Euler would take λ/2 steps for a first-order result.
 
-Each tile is computed with a margin of m cells in which the values age, so that all steps run in the cache, and no tile
-depends on another. A tile in which no light moves is copied.
+A tile is computed with a margin of as many cells as there are steps, in which the values age, so that all steps run in
+the cache and no tile depends on another. A polynomial of high degree is the product of several, each of which is one
+pass over the tiles. A tile in which no light moves is copied.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numba
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy import special
 
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
-from fogpipe.kernels.diffusion.grid import Grid
+from fogpipe.kernels.diffusion.grid import Level
 
-TILE = (64, 256)
-"""Rows and columns: with a margin of ten, what a step touches fills the second cache."""
-LARGEST_IN_TILES = 32
-"""Above this degree the margins cost more than the cache saves, and the whole grid is stepped at once."""
+TILE = (48, 96)
+"""Rows and columns: with a margin of eight, what a step touches fits the second cache."""
+LARGEST_MARGIN = 12
+"""Above this degree the margins cost more than another pass over the layer."""
 
 
 def degree_for(spectrum: float, share: float) -> int:
@@ -31,7 +34,7 @@ def degree_for(spectrum: float, share: float) -> int:
     if spectrum <= 0:
         return 0
     degree = max(1, int(math.sqrt(spectrum) * float(special.erfcinv(min(share, 1.0)))))
-    while _left_out(spectrum, degree) > share:
+    while special.erfc((degree + 0.5) / math.sqrt(spectrum)) > share:
         degree += 1
     return degree
 
@@ -43,251 +46,197 @@ def coefficients(spectrum: float, degree: int) -> np.ndarray:
     return series / series.sum()
 
 
+@lru_cache(64)
+def passes(spectrum: float, degree: int) -> tuple[np.ndarray, ...]:
+    """Chebyshev series, 1 at a = 0, whose product is that of :func:`coefficients`, each of a degree for one pass.
+
+    Each gets every n-th root, so that none grows much anywhere, and their order is the best of some in what rounding
+    errors of a pass can become in those that follow.
+    """
+    series = coefficients(spectrum, degree)
+    count = -(-degree // LARGEST_MARGIN)
+    if count <= 1:
+        return (series,)
+    roots = chebyshev.chebroots(series)
+    above, real = roots[roots.imag > 1e-9], roots[np.abs(roots.imag) <= 1e-9]
+    units = sorted([[root, root.conjugate()] for root in above] + [[root] for root in real], key=lambda u: u[0].real)
+    factors = []
+    for first in range(count):
+        own = np.concatenate(units[first::count])
+        nodes = np.cos(np.pi * (np.arange(len(own) + 1) + 0.5) / (len(own) + 1))
+        values = np.prod((nodes[:, None] - own) / (1 - own), axis=1).real
+        factor = chebyshev.chebfit(nodes, values, len(own))
+        factors.append(factor / factor.sum())
+    return tuple(factors[k] for k in _steadiest(factors))
+
+
 def diffused(
-    layer: FloatArray, grid: Grid, clip: float, share: float, coarse: tuple[FloatArray, FloatArray]
+    layer: FloatArray, level: Level, series: tuple[np.ndarray, ...], spectrum: float, added: FloatArray | None = None
 ) -> FloatArray:
-    """Diffuse what a layer adds to its coarse layer, and add the coarse layer as it has become.
+    """Diffuse a layer (H, W, 4) on a level, after what a coarser level adds to its mobile cells.
 
     Parameters
     ----------
-    layer : (H, 4, W)
-    clip : largest rate across a face. Fine detail is gone at this rate already.
-    share : what the polynomial may leave out of any pattern.
-    coarse : the coarse layer, and what diffusion has added to it.
+    series : as from :func:`passes`.
+    spectrum : λ of these series.
+    added : (H/2, W/2, 4).
     """
-    spectrum = _spectrum(grid, clip)
-    degree = degree_for(spectrum, share)
-    series = coefficients(spectrum, degree).astype(layer.dtype)
-    rows, channels, columns = layer.shape
-    height, width = TILE
-    rate = layer.dtype.type(4 / spectrum if spectrum else 0)
-    flow = (grid.east, grid.south, 1 / grid.widths, 1 / grid.heights, layer.dtype.type(clip), rate)
-    base, added = coarse
-    after = np.empty_like(layer)
-    if degree <= LARGEST_IN_TILES:
-        tile_rows = -(-rows // height)
-        arguments = (*flow, series, base, added, base + added, after)
-        in_bands(_tiles, tile_rows, height * columns, height, width, layer, *arguments)
-        return after
-    now, before, total = (np.zeros((rows + 2, channels, columns + 2), layer.dtype) for _ in range(3))
-    weights = np.zeros((4, rows + 2, columns + 2), layer.dtype)
-    _load_weights(0, rows, 0, columns, *flow, weights)
-    moving = np.empty((rows, 2), np.int64)
-    in_bands(_load, rows, columns, layer, base, weights, series, before, total, moving)
-    in_bands(_first_step_of_all, rows, columns, moving, before, weights, series[1], now, total)
-    for share_of_step in series[2:]:
-        in_bands(_step_of_all, rows, columns, moving, now, weights, share_of_step, before, total)
-        now, before = before, now
-    in_bands(_store, rows, columns, total, base + added, after)
-    return after
+    rows, columns, _ = layer.shape
+    real = layer.dtype.type
+    nothing = np.zeros((1, 1, 4), layer.dtype)
+    added = nothing if added is None else added
+    rate = real(4 / spectrum if spectrum else 0)
+    results = [np.empty_like(layer) for _ in series[:2]]
+    height = TILE[0]
+    for number, factor in enumerate(series):
+        after = results[number % 2]
+        arguments = (*TILE, _flat(layer), level.mass, level.east, level.south, real(level.clip), rate, level.mobile)
+        bands = -(-rows // height), height * columns
+        in_bands(_tiles, *bands, *arguments, added, factor.astype(layer.dtype), _flat(after))
+        layer, added = after, nothing
+    return layer
 
 
-def _spectrum(grid: Grid, clip: float) -> float:
-    """Upper bound of the eigenvalues (Gershgorin): twice the rates out of a cell, over its width, for each axis."""
-    bound = 0.0
-    for rates, widths in ((grid.east, grid.widths), (grid.south, grid.heights)):
-        if len(widths) > 1:
-            ways_out = np.full(len(widths), 2.0)
-            ways_out[[0, -1]] = 1
-            bound += 2 * min(clip, float(rates.max())) * float((ways_out / widths).max())
-    return bound
+def _flat(layer: FloatArray) -> FloatArray:
+    """Rows of four numbers for each pixel."""
+    return layer.reshape(len(layer), -1)
 
 
-def _left_out(spectrum: float, degree: int) -> float:
-    return float(special.erfc((degree + 0.5) / math.sqrt(spectrum)))
+def _steadiest(factors: list[np.ndarray]) -> tuple[int, ...]:
+    points = np.cos(np.linspace(0, np.pi, 257))
+    values = np.abs([chebyshev.chebval(points, factor) for factor in factors])
+    rng = np.random.default_rng(1)
+    orders = [np.arange(len(factors)), *(rng.permutation(len(factors)) for _ in range(100))]
+
+    def growth(order: np.ndarray) -> float:
+        before = np.cumprod(values[order], axis=0).max()
+        return max(before, np.cumprod(values[order[::-1]], axis=0).max())
+
+    return tuple(int(k) for k in min(orders, key=growth))
 
 
 @numba.njit(nogil=True, cache=True)
-def _tiles(
-    first, last, height, width, layer, east, south, inverse_widths, inverse_heights, clip, rate, series,
-    base, added, later, after,
-):  # fmt: skip
-    rows, channels, columns = layer.shape
+def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mobile, added, series, after):
+    rows, columns = mass.shape
     margin = len(series) - 1
-    # One cell more on each side, of weight 0, so that every cell of a tile has four neighbours.
-    tall, wide = min(height + 2 * margin, rows) + 2, min(width + 2 * margin, columns) + 2
-    now = np.zeros((tall, channels, wide), layer.dtype)
-    before = np.zeros((tall, channels, wide), layer.dtype)
-    total = np.zeros((tall, channels, wide), layer.dtype)
-    weights = np.zeros((4, tall, wide), layer.dtype)
-    line = np.zeros(wide + 3, layer.dtype)
-    coarse_line = np.zeros(wide // 2 + 4, layer.dtype)
+    # One cell more on each side, of conductance 0, so that every cell of a tile has four neighbours.
+    tall, wide = min(height + 2 * margin, rows) + 2, 4 * (min(width + 2 * margin, columns) + 2)
+    now, before = np.zeros((tall, wide), layer.dtype), np.zeros((tall, wide), layer.dtype)
+    total, inverse = np.zeros((tall, wide), layer.dtype), np.zeros((tall, wide), layer.dtype)
+    beside, below = np.zeros((tall, wide), layer.dtype), np.zeros((tall, wide), layer.dtype)
+    line = np.zeros(wide, layer.dtype)
     for tile in range(first, last):
         for left in range(0, columns, width):
             top = tile * height
             bottom, right = min(top + height, rows), min(left + width, columns)
             y0, y1 = max(top - margin, 0), min(bottom + margin, rows)
             x0, x1 = max(left - margin, 0), min(right + margin, columns)
-            if not _load_weights(y0, y1, x0, x1, east, south, inverse_widths, inverse_heights, clip, rate, weights):
+            if not _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, line, inverse, beside, below):
                 for y in range(top, bottom):
-                    for k in range(channels):
-                        here, out = layer[y, k, left:right], after[y, k, left:right]
-                        _upsample(added, y, k, left, right, coarse_line, line)
-                        for i in range(right - left):
-                            out[i] = here[i] + line[i]
+                    _copy(layer[y, 4 * left : 4 * right], after[y, 4 * left : 4 * right])
                 continue
             for y in range(y0, y1):
-                for k in range(channels):
-                    _upsample(base, y, k, x0, x1, coarse_line, line)
-                    here, value, share = layer[y, k, x0:x1], before[y - y0 + 1, k, 1:], total[y - y0 + 1, k, 1:]
-                    for i in range(x1 - x0):
-                        value[i] = here[i] - line[i]
-                        share[i] = series[0] * value[i]
-            _first_step(1, y1 - y0 + 1, 1, x1 - x0 + 1, before, weights, series[1], now, total)
+                row = before[y - y0 + 1, 4:]
+                _copy(layer[y, 4 * x0 : 4 * x1], row)
+                if added.size > 4:
+                    _add(mobile[y], added[y // 2], x0, x1, row)
+            i0, i1 = 4, 4 * (x1 - x0 + 1)
+            for j in range(1, y1 - y0 + 1):
+                _flow(j, i0, i1, before, beside, below, line)
+                _first_step(line, before[j, i0:i1], inverse[j, i0:], series, now[j, i0:], total[j, i0:])
             for degree in range(2, margin + 1):
                 # Values one step from a cut are one step less good: only what the tile still needs is computed.
                 needed = margin - degree
-                j0, j1 = max(top - needed, y0) - y0 + 1, min(bottom + needed, y1) - y0 + 1
-                i0, i1 = max(left - needed, x0) - x0 + 1, min(right + needed, x1) - x0 + 1
-                _step(j0, j1, i0, i1, now, weights, series[degree], before, total)
+                i0, i1 = 4 * (max(left - needed, x0) - x0 + 1), 4 * (min(right + needed, x1) - x0 + 1)
+                for j in range(max(top - needed, y0) - y0 + 1, min(bottom + needed, y1) - y0 + 1):
+                    _flow(j, i0, i1, now, beside, below, line)
+                    _step(line, now[j, i0:i1], inverse[j, i0:], series[degree], before[j, i0:], total[j, i0:])
                 now, before = before, now
             for y in range(top, bottom):
-                for k in range(channels):
-                    share, out = total[y - y0 + 1, k, left - x0 + 1 :], after[y, k, left:right]
-                    _upsample(later, y, k, left, right, coarse_line, line)
-                    for i in range(right - left):
-                        out[i] = share[i] + line[i]
+                start = 4 * (left - x0 + 1)
+                _copy(total[y - y0 + 1, start : start + 4 * (right - left)], after[y, 4 * left :])
 
 
 @numba.njit(nogil=True, cache=True)
-def _load(first, last, layer, base, weights, series, before, total, moving):
-    """The part of each row in which light moves, and what the recurrence starts with; the rest stays as it is."""
-    _, channels, columns = layer.shape
-    line = np.zeros(columns + 3, layer.dtype)
-    coarse_line = np.zeros(columns // 2 + 4, layer.dtype)
-    for y in range(first, last):
-        start, end = columns, 0
-        for x in range(columns):
-            if weights[:, y + 1, x + 1].any():
-                start, end = min(start, x), x + 1
-        moving[y] = start, end
-        for k in range(channels):
-            _upsample(base, y, k, 0, columns, coarse_line, line)
-            for x in range(columns):
-                value = layer[y, k, x] - line[x]
-                before[y + 1, k, x + 1] = value
-                total[y + 1, k, x + 1] = series[0] * value if start <= x < end else value
-
-
-@numba.njit(nogil=True, cache=True)
-def _store(first, last, total, later, after):
-    _, channels, columns = after.shape
-    line = np.zeros(columns + 3, after.dtype)
-    coarse_line = np.zeros(columns // 2 + 4, after.dtype)
-    for y in range(first, last):
-        for k in range(channels):
-            _upsample(later, y, k, 0, columns, coarse_line, line)
-            for x in range(columns):
-                after[y, k, x] = total[y + 1, k, x + 1] + line[x]
-
-
-@numba.njit(nogil=True, cache=True)
-def _first_step_of_all(first, last, moving, now, weights, share, after, total):
-    for y in range(first, last):
-        start, end = moving[y]
-        _first_step(y + 1, y + 2, start + 1, end + 1, now, weights, share, after, total)
-
-
-@numba.njit(nogil=True, cache=True)
-def _step_of_all(first, last, moving, now, weights, share, other, total):
-    for y in range(first, last):
-        start, end = moving[y]
-        _step(y + 1, y + 2, start + 1, end + 1, now, weights, share, other, total)
-
-
-@numba.njit(nogil=True, cache=True)
-def _load_weights(y0, y1, x0, x1, east, south, inverse_widths, inverse_heights, clip, rate, weights):
-    """Weights of the neighbours west, east, north and south, 0 beyond the part; whether any is above 0."""
-    zero = rate - rate
+def _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, line, inverse, beside, below):
+    """1/m and the conductances, once for each channel, 0 beyond the part; whether any is above 0."""
+    zero, one = mass.dtype.type(0), mass.dtype.type(1)
     largest = zero
     size = x1 - x0
-    west_of, east_of, north_of, south_of = weights
+    last = mass.shape[0] - 1
     for y in range(y0, y1):
-        j = y - y0 + 1
-        along = rate * inverse_heights[y]
-        across = inverse_widths[x0:x1]
-        above, below = south[max(y - 1, 0), x0:x1], south[y, x0:x1]
-        beside = east[y, x0:x1]
+        here, under = mass[y, x0:], mass[min(y + 1, last), x0:]
+        to_east, to_south = east[y, x0:], south[y, x0:]
         for i in range(size):
-            flow = rate * min(beside[i], clip)
-            largest = max(largest, flow, below[i])
-            east_of[j, i + 1] = flow * across[i]
-            north_of[j, i + 1] = along * min(above[i], clip)
-            south_of[j, i + 1] = along * min(below[i], clip)
-        for i in range(1, size):
-            west_of[j, i + 1] = rate * min(beside[i - 1], clip) * across[i]
-        west_of[j, 1] = zero
-        east_of[j, size] = zero
-    north_of[1, :] = zero
-    south_of[y1 - y0, :] = zero
-    return largest > 0
+            line[i] = rate * min(to_south[i], clip * min(here[i], under[i]))
+            largest = max(largest, line[i])
+        _for_channels(line[:size], below[y - y0 + 1, 4:])
+        for i in range(size - 1):
+            line[i] = rate * min(to_east[i], clip * min(here[i], here[i + 1]))
+            largest = max(largest, line[i])
+        line[size - 1] = zero
+        _for_channels(line[:size], beside[y - y0 + 1, 4:])
+        for i in range(size):
+            line[i] = one / here[i] if here[i] > zero else zero
+        _for_channels(line[:size], inverse[y - y0 + 1, 4:])
+    below[y1 - y0, :] = zero
+    return largest > zero
 
 
 @numba.njit(nogil=True, cache=True)
-def _first_step(j0, j1, i0, i1, now, weights, share, after, total):
-    """T(1) = X T(0)."""
-    half = weights.dtype.type(0.5)
+def _for_channels(values, row):
+    for i in range(len(values)):
+        value = values[i]
+        row[4 * i] = value
+        row[4 * i + 1] = value
+        row[4 * i + 2] = value
+        row[4 * i + 3] = value
+
+
+@numba.njit(nogil=True, cache=True)
+def _copy(source, target):
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@numba.njit(nogil=True, cache=True)
+def _add(mobile, added, x0, x1, row):
+    zero, one = row.dtype.type(0), row.dtype.type(1)
+    for x in range(x0, x1):
+        share = one if mobile[x] > zero else zero
+        for k in range(4):
+            row[4 * (x - x0) + k] += share * added[x // 2, k]
+
+
+# The compiler works on many cells at once only in loops that read and write few arrays, from 0 on: hence the line.
+
+
+@numba.njit(nogil=True, cache=True)
+def _flow(j, i0, i1, now, beside, below, line):
+    """What flows into the cells of a row."""
     size = i1 - i0
-    for j in range(j0, j1):
-        # Views from 0 on: an index that cannot be negative lets the compiler work on many cells at once.
-        west_of, east_of = weights[0, j, i0:i1], weights[1, j, i0:i1]
-        north_of, south_of = weights[2, j, i0:i1], weights[3, j, i0:i1]
-        for k in range(now.shape[1]):
-            here, west, east = now[j, k, i0:i1], now[j, k, i0 - 1 :], now[j, k, i0 + 1 :]
-            north, south = now[j - 1, k, i0:i1], now[j + 1, k, i0:i1]
-            later, sums = after[j, k, i0:i1], total[j, k, i0:i1]
-            for i in range(size):
-                value = here[i]
-                later[i] = value + half * (
-                    west_of[i] * (west[i] - value)
-                    + east_of[i] * (east[i] - value)
-                    + north_of[i] * (north[i] - value)
-                    + south_of[i] * (south[i] - value)
-                )
-                sums[i] += share * later[i]
-
-
-@numba.njit(nogil=True, cache=True)
-def _step(j0, j1, i0, i1, now, weights, share, other, total):
-    """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; ``other`` holds T(k−1), then T(k+1)."""
-    size = i1 - i0
-    for j in range(j0, j1):
-        west_of, east_of = weights[0, j, i0:i1], weights[1, j, i0:i1]
-        north_of, south_of = weights[2, j, i0:i1], weights[3, j, i0:i1]
-        for k in range(now.shape[1]):
-            here, west, east = now[j, k, i0:i1], now[j, k, i0 - 1 :], now[j, k, i0 + 1 :]
-            north, south = now[j - 1, k, i0:i1], now[j + 1, k, i0:i1]
-            older, sums = other[j, k, i0:i1], total[j, k, i0:i1]
-            for i in range(size):
-                value = here[i]
-                after = (
-                    (value - older[i])
-                    + value
-                    + west_of[i] * (west[i] - value)
-                    + east_of[i] * (east[i] - value)
-                    + north_of[i] * (north[i] - value)
-                    + south_of[i] * (south[i] - value)
-                )
-                older[i] = after
-                sums[i] += share * after
-
-
-@numba.njit(nogil=True, cache=True)
-def _upsample(coarse, y, k, first, last, coarse_line, line):
-    """Linear interpolation between the centres of coarse cells, for part of a row; constant beyond the last centre."""
-    near, far = coarse.dtype.type(0.75), coarse.dtype.type(0.25)
-    rows, _, columns = coarse.shape
-    other = y // 2 + 1 if y % 2 else y // 2 - 1
-    here, there = coarse[y // 2, k], coarse[min(max(other, 0), rows - 1), k]
-    start = first // 2 - 1
-    size = (last - 1) // 2 + 2 - start
+    here, flow = now[j, i0:i1], line[:size]
+    west, east, to_west, to_east = now[j, i0 - 4 :], now[j, i0 + 4 :], beside[j, i0 - 4 :], beside[j, i0:]
     for i in range(size):
-        x = min(max(start + i, 0), columns - 1)
-        coarse_line[i] = near * here[x] + far * there[x]
-    odd = first % 2
-    for i in range(odd, last - first, 2):
-        x = (i + odd) // 2 + 1
-        line[i] = near * coarse_line[x] + far * coarse_line[x - 1]
-    for i in range(1 - odd, last - first, 2):
-        x = (i + odd) // 2 + 1
-        line[i] = near * coarse_line[x] + far * coarse_line[x + 1]
+        flow[i] = to_west[i] * (west[i] - here[i]) + to_east[i] * (east[i] - here[i])
+    north, south, to_north, to_south = now[j - 1, i0:], now[j + 1, i0:], below[j - 1, i0:], below[j, i0:]
+    for i in range(size):
+        flow[i] += to_north[i] * (north[i] - here[i]) + to_south[i] * (south[i] - here[i])
+
+
+@numba.njit(nogil=True, cache=True)
+def _first_step(flow, here, inverse, series, after, total):
+    """T(1) = X T(0)."""
+    half = flow.dtype.type(0.5)
+    for i in range(len(here)):
+        after[i] = here[i] + half * inverse[i] * flow[i]
+        total[i] = series[0] * here[i] + series[1] * after[i]
+
+
+@numba.njit(nogil=True, cache=True)
+def _step(flow, here, inverse, share, older, total):
+    """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; ``older`` holds T(k−1), then T(k+1)."""
+    for i in range(len(here)):
+        after = (here[i] - older[i]) + here[i] + inverse[i] * flow[i]
+        older[i] = after
+        total[i] += share * after
