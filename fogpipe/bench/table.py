@@ -22,6 +22,7 @@ class Row:
     yardstick : what the ratio refers to.
     error : root-mean-square difference from the reference; None where there is none.
     largest_error : largest difference.
+    memory : most that was allocated at once, beyond what went in and what came out, in units of what went in.
     note : what a reader must know.
     """
 
@@ -32,6 +33,7 @@ class Row:
     yardstick: str = ""
     error: float | None = None
     largest_error: float | None = None
+    memory: float | None = None
     note: str = ""
 
 
@@ -51,12 +53,13 @@ def as_csv(rows: Sequence[Row]) -> str:
 
 def as_text(rows: Sequence[Row]) -> str:
     """The rows as an aligned table for people."""
-    header = ("case", "way", "ms", "ratio", "rms error", "largest", "note")
+    header = ("case", "way", "ms", "ratio", "rms error", "largest", "memory", "note")
     cells: list[tuple[str, ...]] = [header]
     for row in rows:
         ratio = "" if row.ratio is None else f"{row.ratio:.3g}"
         errors = ("" if e is None else f"{e:.2g}" for e in (row.error, row.largest_error))
-        cells.append((row.case, row.way, f"{row.seconds * 1e3:.4g}", ratio, *errors, row.note))
+        memory = "" if row.memory is None else f"{row.memory:.2g}"
+        cells.append((row.case, row.way, f"{row.seconds * 1e3:.4g}", ratio, *errors, memory, row.note))
     widths = [max(len(line[column]) for line in cells) for column in range(len(header))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in cells]
     yardsticks = dict.fromkeys(f"{row.case}: ratio to {row.yardstick}" for row in rows if row.yardstick)

@@ -230,16 +230,16 @@ def diffusion(
 
     Notes
     -----
-    ``"auto"`` splits the rates over levels of ever coarser cells, which never join both sides of an edge of the scale, and
-    runs a Chebyshev polynomial of the operator on each; rates of 0 cost a copy. It chooses stretches of time, levels
-    and degree by a model of the error that was fitted to two scenes and is no bound, though on the full grid, where
-    it goes when the model asks for it, the bound is strict. Values may overshoot the least and the largest by a few
+    ``"auto"`` splits the rates over levels of ever coarser cells, which never join both sides of an edge of the scale,
+    and runs a Chebyshev polynomial of the operator on each; rates of 0 cost a copy. It chooses stretches of time,
+    levels and degree by a model of the error that was fitted to two scenes and is no bound, though on the full grid,
+    where it goes when the model asks for it, the bound is strict. Values may overshoot the least and the largest by a few
     per cent of their difference. Memory: up to 3 layers more than the result.
 
     ``"invariant-corrected"`` adds the variance that the scale asks for, at 1.23 times the steps. ``"fed"`` is Fast
     Explicit Diffusion in four cycles, ``"adi"`` eight implicit steps of tridiagonal systems, ``"reference"`` the
-    polynomial in float64 with 1e-9 left out. ``"mipmap"`` interpolates between masked Gaussians of 0.5, 1, 2, … px (Elek
-    et al. 2013); its cost does not depend on σ, it does not conserve the mean, and it solves no equation.
+    polynomial in float64 with 1e-9 left out. ``"mipmap"`` interpolates between masked Gaussians of 0.5, 1, 2, … px
+    (Elek et al. 2013); its cost does not depend on σ, it does not conserve the mean, and it solves no equation.
 
     The published schemes take the memory of two more layers. Against the exact Gaussian, with one σ of 5 to 20 px for
     the whole of a photograph in float32, the root-mean-square error is 6e-3 to 9e-3 (invariant), 2e-4 to 1e-3

@@ -17,6 +17,7 @@ from fogpipe.kernels.diffusion.polynomial import degree_for
 from fogpipe.kernels.diffusion.published import prepared
 from fogpipe.kernels.diffusion.splitting import split
 
+
 class Splitting(NamedTuple):
     """A way to split, and what it misses.
 
@@ -34,14 +35,15 @@ class Splitting(NamedTuple):
 
 
 SPLITTINGS = (
-    Splitting(1, 2.0, 0.016, 0.30),
+    Splitting(1, 2.0, 0.018, 0.30),
     Splitting(1, 4.0, 0.006, 0.33),
-    Splitting(2, 2.0, 0.005, 0.20),
-    Splitting(2, 4.0, 0.004, 0.26),
+    Splitting(2, 2.0, 0.005, 0.18),
+    Splitting(2, 4.0, 0.004, 0.24),
+    Splitting(3, 2.0, 0.004, 0.18),
     Splitting(4, 4.0, 0.002, 0.26),
 )
 """By growing cost."""
-LEAST_CONTRAST = 0.1
+LEAST_CONTRAST = 0.08
 """Contrast at an edge of the scales, as a share of the variation, even where the layer shows none on the spot."""
 OF_A_SHARE = 0.4
 """Error of the polynomials of all levels over their share and the variation: 0.12 to 0.3 measured on two scenes."""
@@ -49,7 +51,11 @@ LARGEST_SHARE = 0.1
 """More would leave texture where the tolerance would not notice but an eye would."""
 SMALLEST_SHARE = 1e-5
 """Less is lost in the rounding of float32."""
-ABOVE_SHARE = 1.5
+FEWEST_PIXELS = 65_536
+"""A smaller layer is quick to do on the pixels, and its levels would soon have no cells."""
+ROUGHEST = 0.5
+"""Step between neighbours over the variation, above which a layer is no photograph: 0.1 to 0.3 there, 1 in noise."""
+ABOVE_SHARE = 1.7
 """A polynomial scaled to conserve the mean leaves out at most this many times its share."""
 
 
@@ -74,6 +80,8 @@ def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float
     allowed = tolerance / variation
     whole = min(max(allowed / ABOVE_SHARE, SMALLEST_SHARE), LARGEST_SHARE)
     steps_on_the_whole = degree_for(8 * largest, whole)
+    if scale.size < FEWEST_PIXELS or _roughness(layer) > ROUGHEST * variation:
+        return 1, math.inf, whole
     for splitting in SPLITTINGS:
         stretches, clip = splitting.stretches, splitting.clip
         if largest / stretches <= clip:
@@ -93,10 +101,11 @@ def contrast_at_jumps(
 ) -> float:
     """Contrast of a layer where a splitting goes wrong, to which its error is proportional.
 
-    Of a rate ϱ (per stretch, in cells of a level) the level moves the part φ = min(ϱ, clip)/ϱ and leaves the rest to the
-    next. Where φ is the same on both sides of an edge, or one side does not move at all, the order in which the levels
-    take their turn does not matter. So what is missed is the jump of φ over two cells, weighted by the lower rate
-    up to the clip and by the contrast of the layer: root of the mean square over every 32nd line, summed over levels.
+    Of a rate ϱ (per stretch, in cells of a level) the level moves the part φ = min(ϱ, clip)/ϱ and leaves the rest to
+    the next. Where φ is the same on both sides of an edge, or one side does not move at all, the order in which the
+    levels take their turn does not matter. So what is missed is the jump of φ over two cells, weighted by the lower
+    rate up to the clip and by the contrast of the layer: root of the mean square over every 32nd line, summed over
+    levels.
     """
     squares, cell = 0.0, 1
     while True:
@@ -126,3 +135,8 @@ def _variation(layer: FloatArray) -> float:
     """Standard deviation of a channel, root mean square of the channels; of a large layer, every 8th row."""
     rows = layer[:: 8 if layer.shape[0] >= 256 else 1].astype(np.float64)
     return math.sqrt(float(rows.var(axis=(0, 1)).mean()))
+
+
+def _roughness(layer: FloatArray) -> float:
+    """Root mean square of the steps from one pixel of a row to the next, over √2; of every 8th row."""
+    return math.sqrt(float(np.mean(np.diff(layer[::8], axis=1) ** 2)) / 2)

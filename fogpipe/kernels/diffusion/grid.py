@@ -1,9 +1,9 @@
 """Grids of cells that fit the scales: where the rate jumps, no coarse cell joins both sides.
 
 Light moves between neighbouring cells of mass m by conductances G across their common face, dF/dt = Σ G ΔF / m. Pixels
-have the mass 1 and the conductance ϱ, the mean of both sides. A level diffuses at rates G/m of ``clip`` at most. What is
-above that is left to the next level, whose cells join those of two by two cells that have any of it: the *mobile* ones.
-The mass of a cell is the number of its pixels.
+have the mass 1 and the conductance ϱ, the mean of both sides. A level diffuses at rates G/m of ``clip`` at most. What
+is above that is left to the next level, whose cells join those of two by two cells that have any of it: the *mobile*
+ones. The mass of a cell is the number of its pixels.
 """
 
 from __future__ import annotations

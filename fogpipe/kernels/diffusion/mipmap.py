@@ -16,8 +16,8 @@ MASK_WIDTH = 0.25
 def mipmap(layer: np.ndarray, scale: np.ndarray, finest: float) -> FloatArray:
     """Each pixel between the two levels whose widths enclose its own: the cost does not depend on σ.
 
-    Level n has added the variance 4ⁿ⁻¹ px² and is kept at the size at which that is at least one cell. Its means leave out
-    what is to be blurred less than half as much as the level is wide, so that a sharp foreground does not leak
+    Level n has added the variance 4ⁿ⁻¹ px² and is kept at the size at which that is at least one cell. Its means leave
+    out what is to be blurred less than half as much as the level is wide, so that a sharp foreground does not leak
     into what lies behind. The mean of the image is not conserved.
     """
     import cv2

@@ -1,9 +1,9 @@
 """Diffusion split over levels: each moves light at rates it can follow in a few steps.
 
 The conductances of :mod:`grid` add up over the levels, A = A₀ + A₁ + …, and e^{−A} is taken as the product of
-e^{−A₀} and the coarser ones (Lie splitting), from coarse to fine, so that each level smooths what the coarser one left in
-blocks. Each factor conserves the mean and shrinks every pattern, so the whole is stable at any rate. The factors do not
-commute where the rate jumps, and the more stretches of time there are the less that matters.
+e^{−A₀} and the coarser ones (Lie splitting), from coarse to fine, so that each level smooths what the coarser one left
+in blocks. Each factor conserves the mean and shrinks every pattern, so the whole is stable at any rate. The factors do
+not commute where the rate jumps, and the more stretches of time there are the less that matters.
 """
 
 from __future__ import annotations
