@@ -151,18 +151,10 @@ def compared(
             error, largest_error = rms(difference), float(np.abs(difference).max())
         note = ""
         if exact is not None and way.startswith("auto"):
-            note = "keeps its promise" if error is not None and error <= float(way.split()[1]) else "BREAKS ITS PROMISE"
-        yield Row(
-            case,
-            way,
-            times[way],
-            times[way] / times[YARDSTICK],
-            YARDSTICK,
-            error,
-            largest_error,
-            extra(call, layer),
-            note,
-        )
+            kept = error is not None and error <= float(way.split()[1])
+            note = "keeps its promise" if kept else "BREAKS ITS PROMISE"
+        memory = extra(call, layer)
+        yield Row(case, way, times[way], times[way] / times[YARDSTICK], YARDSTICK, error, largest_error, memory, note)
 
 
 def extra(call: Callable[[], FloatArray], layer: FloatArray) -> float:
