@@ -41,12 +41,17 @@ def split(layer: FloatArray, scale: FloatArray, finest: float, stretches: int, c
 def _cycle(
     layer: FloatArray, levels: list[Level], spectra: list[float], series: list[tuple[np.ndarray, ...]]
 ) -> FloatArray:
-    added = None
-    if len(levels) > 1:
-        coarse = averages(layer, levels[0])
-        added = _cycle(coarse, levels[1:], spectra[1:], series[1:])
-        added = sharpened(np.subtract(added, coarse, out=coarse), levels[1])
+    added = _coarse_change(layer, levels, spectra, series) if len(levels) > 1 else None
     return diffused(layer, levels[0], series[0], spectra[0], added)
+
+
+def _coarse_change(
+    layer: FloatArray, levels: list[Level], spectra: list[float], series: list[tuple[np.ndarray, ...]]
+) -> FloatArray:
+    """What the coarser levels add to the cells of the next one."""
+    coarse = averages(layer, levels[0])
+    added = _cycle(coarse, levels[1:], spectra[1:], series[1:])
+    return sharpened(np.subtract(added, coarse, out=coarse), levels[1])
 
 
 def _spectrum(level: Level) -> float:
