@@ -23,8 +23,8 @@ from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.grid import Level
 
-TILE = (48, 96)
-"""Rows and columns: with a margin of eight, what a step touches fits the second cache."""
+MARGINED = (96, 256)
+"""Rows and columns of a tile with its margins: what a step touches nearly fits the second cache."""
 LARGEST_MARGIN = 12
 """Above this degree the margins cost more than another pass over the layer."""
 
@@ -84,12 +84,12 @@ def diffused(
     added = nothing if added is None else added
     rate = real(4 / spectrum if spectrum else 0)
     results = [np.empty_like(layer) for _ in series[:2]]
-    height = TILE[0]
     for number, factor in enumerate(series):
         after = results[number % 2]
-        arguments = (*TILE, _flat(layer), level.mass, level.east, level.south, real(level.clip), rate, level.mobile)
+        height, width = (size - 2 * (len(factor) - 1) for size in MARGINED)
+        arguments = (height, width, _flat(layer), level.mass, level.east, level.south, real(level.clip), rate)
         bands = -(-rows // height), height * columns
-        in_bands(_tiles, *bands, *arguments, added, _in_precision(factor, layer.dtype), _flat(after))
+        in_bands(_tiles, *bands, *arguments, level.mobile, added, _in_precision(factor, layer.dtype), _flat(after))
         layer, added = after, nothing
     return layer
 
@@ -135,51 +135,63 @@ def _steadiest(factors: list[np.ndarray]) -> tuple[int, ...]:
     return tuple(int(k) for k in min(orders, key=growth))
 
 
+# Tiles have one fixed width of 288 cells, the four channels of a row one after the other, and indices that cannot be
+# negative: only then does the compiler see that the arrays of a step are apart, and works on 16 cells at once, whose
+# weights it loads once for the four channels. Rows begin 16 cells in, so that vectors lie on their boundaries.
+_ONE, _FOUR = np.uintp(1), np.uintp(4)
+_CHANNEL = np.uintp(MARGINED[1] + 32)
+_ROW = np.uintp(4 * _CHANNEL)
+_WIDTH = int(_CHANNEL)
+
+
 @numba.njit(nogil=True, cache=True)
 def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mobile, added, series, after):
     rows, columns = mass.shape
     margin = len(series) - 1
-    # One cell more on each side, of conductance 0, so that every cell of a tile has four neighbours.
-    tall, wide = min(height + 2 * margin, rows) + 2, 4 * (min(width + 2 * margin, columns) + 2)
-    now, before = np.zeros((tall, wide), layer.dtype), np.zeros((tall, wide), layer.dtype)
-    total, inverse = np.zeros((tall, wide), layer.dtype), np.zeros((tall, wide), layer.dtype)
-    beside, below = np.zeros((tall, wide), layer.dtype), np.zeros((tall, wide), layer.dtype)
-    line = np.zeros(wide, layer.dtype)
+    # One row more on each side, of conductance 0, so that every cell of a tile has four neighbours.
+    tall = min(height + 2 * margin, rows) + 2
+    size = tall * _WIDTH
+    now, before, total = np.zeros(4 * size, layer.dtype), np.zeros(4 * size, layer.dtype), np.zeros(4 * size, layer.dtype)
+    inverse, beside, below = np.zeros(size, layer.dtype), np.zeros(size, layer.dtype), np.zeros(size, layer.dtype)
+    values, sums = before.reshape(tall, 4, _WIDTH), total.reshape(tall, 4, _WIDTH)
+    grid = inverse.reshape(tall, _WIDTH), beside.reshape(tall, _WIDTH), below.reshape(tall, _WIDTH)
     for tile in range(first, last):
         for left in range(0, columns, width):
             top = tile * height
             bottom, right = min(top + height, rows), min(left + width, columns)
             y0, y1 = max(top - margin, 0), min(bottom + margin, rows)
             x0, x1 = max(left - margin, 0), min(right + margin, columns)
-            if not _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, line, inverse, beside, below):
+            if not _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, *grid):
                 for y in range(top, bottom):
                     _copy(layer[y, 4 * left : 4 * right], after[y, 4 * left : 4 * right])
                 continue
-            for y in range(y0, y1):
-                row = before[y - y0 + 1, 4:]
-                _copy(layer[y, 4 * x0 : 4 * x1], row)
-                if added.size > 4:
-                    _add(mobile[y], added[y // 2], x0, x1, row)
-            i0, i1 = 4, 4 * (x1 - x0 + 1)
-            for j in range(1, y1 - y0 + 1):
-                _flow(j, i0, i1, before, beside, below, line)
-                _first_step(line, before[j, i0:i1], inverse[j, i0:], series, now[j, i0:], total[j, i0:])
+            _load_layer(y0, y1, x0, x1, layer, mobile, added, values)
+            _first_step(*_range(1, y1 - y0 + 1, 0, x1 - x0), before, beside, below, inverse, series[0], series[1], now, total)
+            older, newer = before, now
             for degree in range(2, margin + 1):
                 # Values one step from a cut are one step less good: only what the tile still needs is computed.
                 needed = margin - degree
-                i0, i1 = 4 * (max(left - needed, x0) - x0 + 1), 4 * (min(right + needed, x1) - x0 + 1)
-                for j in range(max(top - needed, y0) - y0 + 1, min(bottom + needed, y1) - y0 + 1):
-                    _flow(j, i0, i1, now, beside, below, line)
-                    _step(line, now[j, i0:i1], inverse[j, i0:], series[degree], before[j, i0:], total[j, i0:])
-                now, before = before, now
-            for y in range(top, bottom):
-                start = 4 * (left - x0 + 1)
-                _copy(total[y - y0 + 1, start : start + 4 * (right - left)], after[y, 4 * left :])
+                part = _range(
+                    max(top - needed, y0) - y0 + 1,
+                    min(bottom + needed, y1) - y0 + 1,
+                    max(left - needed, x0) - x0,
+                    min(right + needed, x1) - x0,
+                )
+                _step(*part, newer, beside, below, inverse, series[degree], older, total)
+                older, newer = newer, older
+            _store(top, bottom, left, right, y0, x0, sums, after)
 
 
 @numba.njit(nogil=True, cache=True)
-def _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, line, inverse, beside, below):
-    """1/m and the conductances, once for each channel, 0 beyond the part; whether any is above 0."""
+def _range(j0, j1, i0, i1):
+    """Rows, first column and columns of a part of a tile, whole vectors of it."""
+    start = i0 // 16 * 16
+    return np.uintp(j0), np.uintp(j1), np.uintp(start + 16), np.uintp((i1 - start + 15) // 16 * 16)
+
+
+@numba.njit(nogil=True, cache=True)
+def _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, inverse, beside, below):
+    """1/m and the conductances, 0 beyond the part; whether any is above 0."""
     zero, one = mass.dtype.type(0), mass.dtype.type(1)
     largest = zero
     size = x1 - x0
@@ -187,30 +199,47 @@ def _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, line, inverse, be
     for y in range(y0, y1):
         here, under = mass[y, x0:], mass[min(y + 1, last), x0:]
         to_east, to_south = east[y, x0:], south[y, x0:]
+        j = y - y0 + 1
+        across, down, parts = beside[j, 16:], below[j, 16:], inverse[j, 16:]
         for i in range(size):
-            line[i] = rate * min(to_south[i], clip * min(here[i], under[i]))
-            largest = max(largest, line[i])
-        _for_channels(line[:size], below[y - y0 + 1, 4:])
+            down[i] = rate * min(to_south[i], clip * min(here[i], under[i]))
+            largest = max(largest, down[i])
         for i in range(size - 1):
-            line[i] = rate * min(to_east[i], clip * min(here[i], here[i + 1]))
-            largest = max(largest, line[i])
-        line[size - 1] = zero
-        _for_channels(line[:size], beside[y - y0 + 1, 4:])
+            across[i] = rate * min(to_east[i], clip * min(here[i], here[i + 1]))
+            largest = max(largest, across[i])
         for i in range(size):
-            line[i] = one / here[i] if here[i] > zero else zero
-        _for_channels(line[:size], inverse[y - y0 + 1, 4:])
+            parts[i] = one / here[i] if here[i] > zero else zero
+        across[size - 1 :] = zero
+        down[size:] = zero
     below[y1 - y0, :] = zero
     return largest > zero
 
 
 @numba.njit(nogil=True, cache=True)
-def _for_channels(values, row):
-    for i in range(len(values)):
-        value = values[i]
-        row[4 * i] = value
-        row[4 * i + 1] = value
-        row[4 * i + 2] = value
-        row[4 * i + 3] = value
+def _load_layer(y0, y1, x0, x1, layer, mobile, added, values):
+    zero, one = layer.dtype.type(0), layer.dtype.type(1)
+    for y in range(y0, y1):
+        pixels, row = layer[y, 4 * x0 : 4 * x1], values[y - y0 + 1]
+        a, b, c, d = row[0, 16:], row[1, 16:], row[2, 16:], row[3, 16:]
+        for i in range(x1 - x0):
+            a[i], b[i], c[i], d[i] = pixels[4 * i], pixels[4 * i + 1], pixels[4 * i + 2], pixels[4 * i + 3]
+        if added.size > 4:
+            more = added[y // 2]
+            for x in range(x0, x1):
+                share = one if mobile[y, x] > zero else zero
+                for k in range(4):
+                    row[k, 16 + x - x0] += share * more[x // 2, k]
+        row[:, 16 + x1 - x0 :] = zero
+
+
+@numba.njit(nogil=True, cache=True)
+def _store(top, bottom, left, right, y0, x0, sums, after):
+    for y in range(top, bottom):
+        row, start = sums[y - y0 + 1], 16 + left - x0
+        a, b, c, d = row[0, start:], row[1, start:], row[2, start:], row[3, start:]
+        pixels = after[y, 4 * left : 4 * right]
+        for i in range(right - left):
+            pixels[4 * i], pixels[4 * i + 1], pixels[4 * i + 2], pixels[4 * i + 3] = a[i], b[i], c[i], d[i]
 
 
 @numba.njit(nogil=True, cache=True)
@@ -219,44 +248,41 @@ def _copy(source, target):
         target[i] = source[i]
 
 
-@numba.njit(nogil=True, cache=True)
-def _add(mobile, added, x0, x1, row):
-    zero, one = row.dtype.type(0), row.dtype.type(1)
-    for x in range(x0, x1):
-        share = one if mobile[x] > zero else zero
-        for k in range(4):
-            row[4 * (x - x0) + k] += share * added[x // 2, k]
+@numba.njit(nogil=True, inline="always")
+def _flow(now, a, to_west, to_east, to_north, to_south):
+    """What flows into a cell."""
+    here = now[a]
+    return (
+        to_west * (now[a - _ONE] - here)
+        + to_east * (now[a + _ONE] - here)
+        + to_north * (now[a - _ROW] - here)
+        + to_south * (now[a + _ROW] - here)
+    )
 
 
-# The compiler works on many cells at once only in loops that read and write few arrays, from 0 on: hence the line.
-
-
-@numba.njit(nogil=True, cache=True)
-def _flow(j, i0, i1, now, beside, below, line):
-    """What flows into the cells of a row."""
-    size = i1 - i0
-    here, flow = now[j, i0:i1], line[:size]
-    west, east, to_west, to_east = now[j, i0 - 4 :], now[j, i0 + 4 :], beside[j, i0 - 4 :], beside[j, i0:]
-    for i in range(size):
-        flow[i] = to_west[i] * (west[i] - here[i]) + to_east[i] * (east[i] - here[i])
-    north, south, to_north, to_south = now[j - 1, i0:], now[j + 1, i0:], below[j - 1, i0:], below[j, i0:]
-    for i in range(size):
-        flow[i] += to_north[i] * (north[i] - here[i]) + to_south[i] * (south[i] - here[i])
-
-
-@numba.njit(nogil=True, cache=True)
-def _first_step(flow, here, inverse, series, after, total):
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _first_step(j0, j1, start, size, now, beside, below, inverse, constant, share, after, total):
     """T(1) = X T(0)."""
-    half = flow.dtype.type(0.5)
-    for i in range(len(here)):
-        after[i] = here[i] + half * inverse[i] * flow[i]
-        total[i] = series[0] * here[i] + series[1] * after[i]
+    half = inverse.dtype.type(0.5)
+    for j in range(j0, j1):
+        for i in range(size):
+            b = j * _CHANNEL + start + i
+            west, east, north, south = beside[b - _ONE], beside[b], below[b - _CHANNEL], below[b]
+            for k in range(_FOUR):
+                a = j * _ROW + k * _CHANNEL + start + i
+                after[a] = now[a] + half * inverse[b] * _flow(now, a, west, east, north, south)
+                total[a] = constant * now[a] + share * after[a]
 
 
-@numba.njit(nogil=True, cache=True)
-def _step(flow, here, inverse, share, older, total):
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _step(j0, j1, start, size, now, beside, below, inverse, share, older, total):
     """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; ``older`` holds T(k−1), then T(k+1)."""
-    for i in range(len(here)):
-        after = (here[i] - older[i]) + here[i] + inverse[i] * flow[i]
-        older[i] = after
-        total[i] += share * after
+    for j in range(j0, j1):
+        for i in range(size):
+            b = j * _CHANNEL + start + i
+            west, east, north, south = beside[b - _ONE], beside[b], below[b - _CHANNEL], below[b]
+            for k in range(_FOUR):
+                a = j * _ROW + k * _CHANNEL + start + i
+                after = (now[a] - older[a]) + now[a] + inverse[b] * _flow(now, a, west, east, north, south)
+                older[a] = after
+                total[a] += share * after
