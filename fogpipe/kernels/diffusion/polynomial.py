@@ -151,8 +151,8 @@ def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mob
     # One row more on each side, of conductance 0, so that every cell of a tile has four neighbours.
     tall = min(height + 2 * margin, rows) + 2
     size = tall * _WIDTH
-    now, before, total = np.zeros(4 * size, layer.dtype), np.zeros(4 * size, layer.dtype), np.zeros(4 * size, layer.dtype)
-    inverse, beside, below = np.zeros(size, layer.dtype), np.zeros(size, layer.dtype), np.zeros(size, layer.dtype)
+    now, before, total = _zeros(4 * size, layer), _zeros(4 * size, layer), _zeros(4 * size, layer)
+    inverse, beside, below = _zeros(size, layer), _zeros(size, layer), _zeros(size, layer)
     values, sums = before.reshape(tall, 4, _WIDTH), total.reshape(tall, 4, _WIDTH)
     grid = inverse.reshape(tall, _WIDTH), beside.reshape(tall, _WIDTH), below.reshape(tall, _WIDTH)
     for tile in range(first, last):
@@ -180,6 +180,14 @@ def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mob
                 _step(*part, newer, beside, below, inverse, series[degree], older, total)
                 older, newer = newer, older
             _store(top, bottom, left, right, y0, x0, sums, after)
+
+
+@numba.njit(nogil=True, cache=True)
+def _zeros(size, layer):
+    """On a boundary of the first cache's lines."""
+    block = np.zeros(size + 64, layer.dtype)
+    start = (-block.ctypes.data % 64) // block.itemsize
+    return block[start : start + size]
 
 
 @numba.njit(nogil=True, cache=True)
