@@ -124,15 +124,18 @@ def _decode(path: Path, numbers: np.ndarray, encoding: DepthEncoding, camera: Ca
     if encoding.rotated:
         numbers = (numbers >> 3) | (numbers << 13)
     values = numbers.astype(np.float64 if numbers.dtype == np.float64 else np.float32)
-    sky = None if encoding.sky is None else values >= encoding.sky
+    sky = np.zeros(values.shape, bool)
+    if encoding.sky is not None:
+        sky |= values >= encoding.sky
+    if encoding.background is not None:
+        sky |= values == encoding.background
     if encoding.unknown is not None:
         values[values == encoding.unknown] = np.nan
     values -= encoding.offset
     values /= encoding.divisor
     if encoding.quantity == "disparity":
         values = _depth_from_disparity(path, values, encoding, camera)
-    if sky is not None:
-        values[sky] = np.inf
+    values[sky] = np.inf
     return values
 
 
