@@ -189,7 +189,12 @@ def _read_yaml(path: Path) -> dict[Any, Any]:
         raise InputError(f"{error} A scene is a YAML file or one of {samples}.") from error
     try:
         content = yaml.safe_load(data.decode("utf-8-sig"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: is not text, and a scene is a YAML file that names pictures."
+            " Give a picture itself by -i image=FILE."
+        ) from error
+    except (yaml.YAMLError, RecursionError) as error:
         raise InputError(f"{path}: is not readable YAML: {error}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: must be a mapping with the keys {', '.join(KEYS)}.")

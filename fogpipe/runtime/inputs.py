@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fogpipe.errors import InputError, suggestion
+from fogpipe.errors import InputError, did_you_mean, suggestion
 from fogpipe.io.camera import read_camera
 from fogpipe.io.files import split_layer
 from fogpipe.io.given import DISTANCES, Given, GivenInputs, camera_given, read_given
@@ -79,8 +79,9 @@ def inputs_from_request(plan: Plan, request: Request) -> Inputs:
     """
     for name in request.files:
         if name not in plan.graph.inputs:
-            hint = suggestion(name, plan.graph.inputs)
-            raise InputError(f'-i {name}: {plan.graph.source} has no input "{name}".{hint}')
+            meant = did_you_mean(name, plan.graph.inputs)
+            takes = ", ".join(f"{known} ({kind})" for known, kind in plan.graph.inputs.items())
+            raise InputError(f'-i {name}: {plan.graph.source} has no input "{name}".{meant} It takes {takes}.')
     _refuse_idle(plan, request)
     graph = plan.graph
     camera_files = {name: request.files[name] for name in request.files if graph.inputs[name].name == "Camera"}
