@@ -1,0 +1,200 @@
+"""Light that the medium scatters forward: how much of it there is, and the atmospheric point spread function."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_maps
+from fogpipe.ports import Camera, Image, Layer, RelativeDepth, Transmission, Unit
+from fogpipe.stage import stage
+
+Asymmetry = Annotated[float, Ge(0), Lt(1)]
+Form = Literal["scatter", "gather"]
+
+
+@stage("scattering.forward")
+def forward(
+    image: Image,
+    transmission: Transmission,
+    *,
+    asymmetry: Asymmetry = 0.9,
+    share: Literal["peak", "all"] = "peak",
+) -> Layer:
+    r"""Layer of the light that is scattered on its way and still arrives from its object.
+
+    .. math:: S = (t^{1 - q^2} - t)\,(E, 1), \qquad \text{or} \quad S = (1 - t)\,(E, 1)
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, E, linear light.
+    transmission : (H, W) float, t in [0, 1], the share that arrives unscattered.
+    asymmetry : q of Henyey and Greenstein, the mean cosine of the scattering angle.
+    share : ``"peak"``: what belongs to the forward peak of the phase function, of which q² counts as not scattered away
+        (delta-Eddington). The rest, 1 − t^(1 − q²), is left to the airlight. ``"all"``: all that is not direct, as
+        for lamps at night, when there is no other light.
+
+    Returns
+    -------
+    (H, W, 4) float32, or float64 for a float64 image. Together with the direct layer t·(E, 1) its opacity is at most 1.
+
+    Raises
+    ------
+    ValueError
+        If the image is not finite or the transmission unknown (NaN) somewhere, or the sizes differ.
+
+    References
+    ----------
+    Joseph, Wiscombe & Weinman 1976, *The delta-Eddington approximation for radiative flux transfer*.
+    """
+    from fogpipe.kernels.compositing import attenuate
+
+    require_maps(image=(image, 3), transmission=(transmission, 1))
+    require_finite(image=image, transmission=transmission)
+    image, transmission = floats(image, transmission)
+    arriving = transmission ** (1 - asymmetry**2) if share == "peak" else np.ones_like(transmission)
+    return attenuate(image, arriving - transmission)
+
+
+def _no_scattered_light(layer: Layer) -> str | None:
+    """skipped where the layer holds no light"""
+    return None if layer.any() else "the layer holds no scattered light"
+
+
+@stage("scattering.blur", identity_when=_no_scattered_light)
+def blur(
+    layer: Layer,
+    transmission: Transmission,
+    camera: Camera | None = None,
+    *,
+    asymmetry: Annotated[float, Ge(0), Le(0.95)] = 0.9,
+    field_of_view: Annotated[float, Gt(0), Lt(180), Unit("°")] = 60.0,
+    form: Form = "scatter",
+    solver: Literal["fast", "reference"] = "fast",
+    tolerance: Annotated[float, Gt(0)] = 0.002,
+) -> Layer:
+    r"""Blur a layer of scattered light as the medium spreads it, more the thicker it is before each pixel.
+
+    Parameters
+    ----------
+    layer : (H, W, 4) float, light that was scattered, without the direct light: :func:`forward`.
+    transmission : (H, W) float, t in [0, 1]; the optical thickness is T = −ln t.
+    camera : (3, 3) float, optional. Its focal length turns angles into pixels.
+    asymmetry : q of Henyey and Greenstein: haze 0.7–0.8, fog 0.85–0.9.
+    field_of_view : Horizontal, in degrees, where there is no camera.
+    form : ``"scatter"``: each pixel spreads its light with its own kernel, which conserves the light of the layer.
+        ``"gather"``: each pixel collects light with its own kernel, which leaves a constant layer as it is.
+    solver : ``"fast"`` keeps the tolerance; ``"reference"`` sums over all pairs of pixels, for small pictures.
+    tolerance : Root-mean-square error allowed, in the units of the layer.
+
+    Returns
+    -------
+    (H, W, 4) float32, or float64 for a float64 layer and from ``"reference"``.
+
+    Raises
+    ------
+    ValueError
+        If the layer is not finite or the transmission unknown (NaN) somewhere, or the sizes differ.
+    """
+    from fogpipe.kernels.scattering import varying
+
+    require_maps(layer=(layer, 4), transmission=(transmission, 1))
+    require_finite(layer=layer, transmission=transmission)
+    if _no_scattered_light(layer):
+        return floats(layer)[0].copy()
+    layer, transmission = floats(layer, transmission)
+    with np.errstate(divide="ignore"):  # nothing arrives: infinitely thick
+        thickness = -np.log(transmission)
+    focal = _focal_length(layer.shape[1], camera, field_of_view)
+    planes = np.ascontiguousarray(layer.transpose(2, 0, 1))
+    if solver == "reference":
+        blurred = varying.direct(planes, thickness, asymmetry, focal, form)
+    else:
+        blurred = varying.by_thickness(planes, thickness, asymmetry, focal, form, tolerance)
+    return np.ascontiguousarray(blurred.transpose(1, 2, 0))
+
+
+def _no_kernel(near: float, middle: float, far: float) -> str | None:
+    """skipped where all kernels have the size 0"""
+    return "all three kernels have the size 0" if near == middle == far == 0 else None
+
+
+Size = Annotated[float, Ge(0), Le(1)]
+
+
+@stage("scattering.apsf", identity_when=_no_kernel)
+def apsf(
+    image: Image,
+    depth: RelativeDepth,
+    camera: Camera | None = None,
+    *,
+    optical_thickness: Annotated[float, Gt(0)] = 1.2,
+    asymmetry: Asymmetry = 0.9,
+    kernel: Literal["series", "gaussian"] = "series",
+    near: Size = 0.0,
+    middle: Size = 0.01,
+    far: Size = 0.02,
+    threshold: Annotated[float, Gt(0), Lt(1)] = 0.5,
+    channels: Literal["luminance", "all"] = "luminance",
+    form: Form = "gather",
+    field_of_view: Annotated[float, Gt(0), Lt(180), Unit("°")] = 60.0,
+) -> Image:
+    r"""Blur by the atmospheric point spread function as published, with kernels for three depths.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float.
+    depth : (H, W) float, Z, 0 near to 1 far.
+    camera : (3, 3) float, optional. Its focal length turns angles into pixels.
+    optical_thickness : T of the kernel. The series diverges at 1 and below.
+    asymmetry : q of Henyey and Greenstein.
+    kernel : ``"series"``, or ``"gaussian"``, the generalised Gaussian, for any thickness.
+    near, middle, far : Sizes of the kernel on the screen at Z = 0, at the threshold and at 1, relative to f tan θ; 0 is
+        sharp.
+    threshold : Z of the middle kernel, the APSF threshold. In between, kernels are interpolated.
+    channels : ``"luminance"`` blurs the lightness of HLS, (max + min) / 2, and keeps the ratios of the colours.
+    form : ``"gather"``, as published: each pixel collects with the kernel of its own depth. ``"scatter"`` is its
+        transpose.
+    field_of_view : Horizontal, in degrees, where there is no camera.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image.
+
+    Raises
+    ------
+    ValueError
+        If the series is asked for T ≤ 1, the image is not finite or the depth unknown (NaN) somewhere, or the sizes
+        differ.
+    """
+    from fogpipe.kernels.scattering import varying
+
+    require_maps(image=(image, 3), depth=(depth, 1))
+    require_finite(image=image, depth=depth)
+    image, depth = floats(image, depth)
+    if _no_kernel(near, middle, far):
+        return image.copy()
+    focal = _focal_length(image.shape[1], camera, field_of_view)
+    profile = varying.published_profile(kernel, asymmetry, optical_thickness)
+    position = np.where(depth < threshold, depth / threshold, 1 + (depth - threshold) / (1 - threshold))
+    focals = tuple(size * focal for size in (near, middle, far))
+    lightness = (image.max(axis=2) + image.min(axis=2)) / 2
+    planes = lightness[None] if channels == "luminance" else np.ascontiguousarray(image.transpose(2, 0, 1))
+    blurred = varying.by_size(planes, position.astype(image.dtype), profile, focals, form)
+    if channels == "all":
+        return np.ascontiguousarray(blurred.transpose(1, 2, 0))
+    return _with_lightness(image, lightness, blurred[0])
+
+
+def _with_lightness(image: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """Colours in the same ratios, of another lightness; black becomes grey."""
+    ratio = np.divide(after, before, out=np.zeros_like(after), where=before > 0)[..., None]
+    return np.where(before[..., None] > 0, image * ratio, after[..., None])
+
+
+def _focal_length(width: int, camera: Camera | None, field_of_view: float) -> float:
+    if camera is None:
+        return width / 2 / float(np.tan(np.radians(field_of_view) / 2))
+    return float(np.sqrt(camera[0, 0] * camera[1, 1]))
