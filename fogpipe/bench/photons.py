@@ -19,20 +19,20 @@ BATCH = 100_000
 """Photons that share a random stream, so that the number of threads changes nothing."""
 
 
-def edges(count: int = 90) -> FloatArray:
+def borders(count: int = 90) -> FloatArray:
     """Borders of angular bins over 90°, radians, denser near 0 where the kernels have their cusp."""
     return np.pi / 2 * np.linspace(0, 1, count + 1) ** 1.5
 
 
-def energies(q: float, thickness: float, photons: int, borders: FloatArray, seed: int = 0) -> FloatArray:
+def energies(q: float, thickness: float, photons: int, angles: FloatArray, seed: int = 0) -> FloatArray:
     """Share of the scattered light in each angular bin, ∫ I dω over the bin, with I normalised over 90°.
 
     Parameters
     ----------
     q : Henyey-Greenstein asymmetry, in [0, 1).
     thickness : T, optical radius of the sphere, above 0.
-    photons : How many are followed, in batches of 100 000. The statistical L1 error is about 0.8 √(bins / photons).
-    borders : (bins + 1,) ascending angles from 0 to π/2, radians.
+    photons : How many are followed, in batches of 100 000. Of the light, 0.4 √(bins / photons) is misplaced by chance.
+    angles : Borders of the bins, (bins + 1,) ascending angles from 0 to π/2, radians.
     seed : Of the random streams.
 
     Returns
@@ -47,10 +47,15 @@ def energies(q: float, thickness: float, photons: int, borders: FloatArray, seed
     batches = max(1, round(photons / BATCH))
     streams = np.random.default_rng(seed).spawn(batches)
     with ThreadPoolExecutor(threads()) as pool:
-        crossed = sum(pool.map(lambda rng: _follow(rng, BATCH, q, thickness, np.cos(borders)), streams))
-    low, high = np.cos(borders[1:]), np.cos(borders[:-1])
+        crossed = sum(pool.map(lambda rng: _follow(rng, BATCH, q, thickness, np.cos(angles)), streams))
+    low, high = np.cos(angles[1:]), np.cos(angles[:-1])
     radiance = np.asarray(crossed) / (high + low)  # ∫ µ dω = π (high² − low²) beside ∫ dω = 2π (high − low)
     return radiance / radiance.sum()
+
+
+def misplaced(shares: FloatArray, truth: FloatArray) -> float:
+    """Share of the light that is at another angle than it should be, half of the L1 distance, from 0 to 1."""
+    return float(np.abs(shares - truth).sum() / 2)
 
 
 @njit(cache=True, nogil=True)

@@ -109,10 +109,8 @@ def blur(
         thickness = -np.log(transmission)
     focal = _focal_length(layer.shape[1], camera, field_of_view)
     planes = np.ascontiguousarray(layer.transpose(2, 0, 1))
-    if solver == "reference":
-        blurred = varying.direct(planes, thickness, asymmetry, focal, form)
-    else:
-        blurred = varying.by_thickness(planes, thickness, asymmetry, focal, form, tolerance)
+    exact = solver == "reference"
+    blurred = varying.by_thickness(planes, thickness, asymmetry, focal, form, tolerance, exact)
     return np.ascontiguousarray(blurred.transpose(1, 2, 0))
 
 
@@ -139,6 +137,7 @@ def apsf(
     threshold: Annotated[float, Gt(0), Lt(1)] = 0.5,
     channels: Literal["luminance", "all"] = "luminance",
     form: Form = "gather",
+    solver: Literal["fast", "reference"] = "fast",
     field_of_view: Annotated[float, Gt(0), Lt(180), Unit("°")] = 60.0,
 ) -> Image:
     r"""Blur by the atmospheric point spread function as published, with kernels for three depths.
@@ -169,20 +168,21 @@ def apsf(
         If the series is asked for T ≤ 1, the image is not finite or the depth unknown (NaN) somewhere, or the sizes
         differ.
     """
-    from fogpipe.kernels.scattering import varying
+    from fogpipe.kernels.scattering import profiles, varying
 
     require_maps(image=(image, 3), depth=(depth, 1))
     require_finite(image=image, depth=depth)
     image, depth = floats(image, depth)
     if _no_kernel(near, middle, far):
         return image.copy()
+    published = {"series": profiles.legendre, "gaussian": profiles.generalised_gaussian}[kernel]
     focal = _focal_length(image.shape[1], camera, field_of_view)
-    profile = varying.published_profile(kernel, asymmetry, optical_thickness)
+    profile = published(asymmetry, optical_thickness)
     position = np.where(depth < threshold, depth / threshold, 1 + (depth - threshold) / (1 - threshold))
     focals = tuple(size * focal for size in (near, middle, far))
     lightness = (image.max(axis=2) + image.min(axis=2)) / 2
     planes = lightness[None] if channels == "luminance" else np.ascontiguousarray(image.transpose(2, 0, 1))
-    blurred = varying.by_size(planes, position.astype(image.dtype), profile, focals, form)
+    blurred = varying.by_size(planes, position, profile, focals, form, exact=solver == "reference")
     if channels == "all":
         return np.ascontiguousarray(blurred.transpose(1, 2, 0))
     return _with_lightness(image, lightness, blurred[0])

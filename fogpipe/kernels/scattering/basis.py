@@ -102,8 +102,17 @@ def nodes(values: np.ndarray, count: int = MOST_NODES) -> tuple[FloatArray, Floa
     return np.linspace(low, high, count), (values - low) * ((count - 1) / (high - low))
 
 
-def shares_of(position: FloatArray, light: FloatArray, count: int) -> FloatArray:
-    """Share of the light at each node."""
-    counted = np.bincount(np.rint(position).astype(np.intp).ravel(), light.ravel(), count)
-    total = counted.sum()
-    return counted / total if total > 0 else np.full(count, 1 / count)
+def seen(
+    planes: FloatArray, position: FloatArray, count: int, spreads: bool
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """What :func:`reduced` must know of a picture: the share of each node, and the power spectrum.
+
+    Where pixels collect light, a node counts as many pixels as it has; where they spread it, the power of their light.
+    """
+    if count == 1:
+        return np.ones(1), (np.ones(1), np.zeros(1))
+    counted = np.square(planes, dtype=np.float64).mean(axis=0).ravel() if spreads else None
+    shares = np.bincount(np.rint(position).astype(np.intp).ravel(), counted, count)
+    total = shares.sum()
+    shares = shares / total if total > 0 else np.full(count, 1 / count)
+    return shares, power_spectrum(planes, position / (count - 1) if spreads else None)

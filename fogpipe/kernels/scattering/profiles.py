@@ -22,6 +22,12 @@ def energy(profiles: np.ndarray) -> FloatArray:
     return 2 * np.pi * np.trapezoid(profiles, ANGLES, axis=-1)
 
 
+def energy_between(profile: np.ndarray, angles: np.ndarray) -> FloatArray:
+    """Energy of a profile between neighbouring angles, (n − 1,) for (n,) ascending ones in radians."""
+    steps = np.pi * (profile[1:] + profile[:-1]) * np.diff(ANGLES)
+    return np.diff(np.interp(angles, ANGLES, np.concatenate([[0.0], np.cumsum(steps)])))
+
+
 def normalised(profiles: np.ndarray) -> FloatArray:
     """The profiles with the energy 1."""
     return profiles / energy(profiles)[..., None]
