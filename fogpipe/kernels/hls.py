@@ -104,6 +104,6 @@ def _attenuate_and_add(first, last, image, thickness, strength, airlight, result
 def _set(result, y, x, lightness, r, g, b):
     """Write a colour of that lightness with the differences between r, g and b."""
     shift = lightness - (max(r, g, b) + min(r, g, b)) / 2
-    result[y, x, 0] = r + shift
-    result[y, x, 1] = g + shift
-    result[y, x, 2] = b + shift
+    result[y, x, 0] = max(r + shift, 0)  # rounding may lead below
+    result[y, x, 1] = max(g + shift, 0)
+    result[y, x, 2] = max(b + shift, 0)
