@@ -23,7 +23,10 @@ from fogpipe.kernels.bands import in_bands
 
 def lightness(image: FloatArray) -> FloatArray:
     """L of an (H, W, 3) image, (H, W) in its dtype."""
-    return (image.max(axis=2) + image.min(axis=2)) / 2
+    rows, columns = image.shape[:2]
+    result = np.empty((rows, columns), image.dtype)
+    in_bands(_lightness, rows, columns, image, result)
+    return result
 
 
 def pure_hue(degrees: float) -> FloatArray:
@@ -58,6 +61,14 @@ def attenuate_and_add(
     rows, columns = image.shape[:2]
     in_bands(_attenuate_and_add, rows, columns, image, thickness, strength, airlight, result)
     return result
+
+
+@njit(nogil=True, cache=True)
+def _lightness(first, last, image, result):
+    for y in range(first, last):
+        for x in range(image.shape[1]):
+            r, g, b = image[y, x]
+            result[y, x] = (max(r, g, b) + min(r, g, b)) / 2
 
 
 @njit(nogil=True, cache=True)
