@@ -74,7 +74,7 @@ def test_the_tail_bound_is_a_bound_and_not_a_wasteful_one():
 
 @pytest.mark.parametrize("thickness", [1.0, 0.7, 0.0, -1.0, np.nan, np.inf])
 def test_the_series_is_refused_where_it_diverges(thickness):
-    with pytest.raises(ValueError, match='above 1, not .* Use the kernel "gaussian" or scattering.blur'):
+    with pytest.raises(ValueError, match=r'above 1, not .* Use the kernel "gaussian" or scattering.blur'):
         profiles.legendre(0.9, thickness)
 
 
@@ -144,7 +144,7 @@ def test_kernels_are_nowhere_negative_and_grow_wider_with_thickness(q):
     found = measured.profiles(q, np.geomspace(0.01, 100, 40))
     assert (found >= 0).all()
     np.testing.assert_allclose(profiles.energy(found), 1, rtol=1e-12)
-    inner = profiles.energy(np.where(profiles.ANGLES < np.radians(10), found, 0))
+    inner = np.array([profiles.energy_between(profile, np.radians([0, 10]))[0] for profile in found])
     # The share within 10° falls, but for the noise of the table; beyond both its ends it stays.
     assert (np.diff(inner) < 0.005).all()
     assert inner[0] == inner[1]
@@ -178,4 +178,5 @@ def test_weights_are_integrals_over_pixels():
         angle = np.arctan(tangent)
         radiance = np.interp(angle, profiles.ANGLES, profile) / np.sin(angle)
         exact = np.mean(radiance * np.cos(angle) ** 3) / focal**2
-        assert quadrant[y, x] == pytest.approx(exact, rel=0.02)
+        # What the rule misses of all other pixels goes to the one in the middle.
+        assert quadrant[y, x] == pytest.approx(exact, rel=4e-3, abs=0 if x + y else 6e-4)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -16,12 +18,20 @@ STEP = np.where(np.arange(WIDTH) < 12, 0.9, 0.2) * np.ones((HEIGHT, 1))
 """Transmission of something near before something far."""
 SMOOTH = np.exp(-np.linspace(0.05, 6, HEIGHT * WIDTH)).reshape(HEIGHT, WIDTH)
 NOISY = np.exp(-RNG.uniform(0.01, 9, (HEIGHT, WIDTH)))
-TRANSMISSIONS = pytest.mark.parametrize("t", [STEP, SMOOTH, NOISY], ids=["step", "smooth", "noisy"])
+TRANSMISSIONS = {"step": STEP, "smooth": SMOOTH, "noisy": NOISY}
+SCENES = pytest.mark.parametrize("scene", TRANSMISSIONS)
 FORMS = pytest.mark.parametrize("form", ["scatter", "gather"])
 
 
 def rms(difference: np.ndarray) -> float:
     return float(np.sqrt(np.mean(difference**2)))
+
+
+@cache
+def reference(scene: str, form: str) -> np.ndarray:
+    """The sum over all pairs of pixels."""
+    t = TRANSMISSIONS[scene]
+    return blur(forward(IMAGE, t, share="all"), t, form=form, solver="reference")
 
 
 def test_shares_of_direct_forward_and_airlight_add_to_one():
@@ -49,24 +59,25 @@ def test_a_sharp_direct_layer_and_a_blurred_scattered_one_make_a_composite():
     assert 0.2 < detail < 0.25
 
 
-@TRANSMISSIONS
+@SCENES
 @FORMS
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
-def test_the_fast_solver_keeps_the_tolerance(t, form, tolerance):
+def test_the_fast_solver_keeps_the_tolerance(scene, form, tolerance):
+    t = TRANSMISSIONS[scene]
+    fast = blur(forward(IMAGE, t, share="all"), t, form=form, tolerance=tolerance)
+    assert rms(fast - reference(scene, form)) <= tolerance
+
+
+@SCENES
+def test_scattering_conserves_light_and_gathering_a_constant(scene):
+    t = TRANSMISSIONS[scene]
     layer = forward(IMAGE, t, share="all")
-    exact = blur(layer, t, form=form, solver="reference")
-    assert rms(blur(layer, t, form=form, tolerance=tolerance) - exact) <= tolerance
-
-
-@TRANSMISSIONS
-def test_scattering_conserves_light_and_gathering_a_constant(t):
-    layer = forward(IMAGE, t)
-    for solver in ("fast", "reference"):
-        spread = blur(layer, t, form="scatter", solver=solver)
+    for spread in (blur(layer, t, tolerance=0.1), reference(scene, "scatter")):
         # Float64, some thousand summands.
         np.testing.assert_allclose(spread.sum(axis=(0, 1)), layer.sum(axis=(0, 1)), rtol=1e-11)
-        flat = blur(np.full_like(layer, 0.3), t, form="gather", solver=solver)
-        np.testing.assert_allclose(flat, 0.3, rtol=1e-11)
+    for solver in ("fast", "reference"):
+        small = blur(np.full((6, 7, 4), 0.3), t[::4, ::5], form="gather", solver=solver, tolerance=0.1)
+        np.testing.assert_allclose(small, 0.3, rtol=1e-11)
 
 
 @FORMS
@@ -87,8 +98,9 @@ def test_thicker_fog_blurs_more():
 def test_scatter_is_the_transpose_of_gather(form):
     other = {"scatter": "gather", "gather": "scatter"}[form]
     first, second = RNG.random((2, HEIGHT, WIDTH, 4))
-    one = np.vdot(blur(first, STEP, form=form, solver="reference"), second)
-    assert one == pytest.approx(np.vdot(first, blur(second, STEP, form=other, solver="reference")), rel=1e-12)
+    # With the same basis; the reference is exact, and the tolerance below what its nodes can do.
+    one = np.vdot(blur(first, STEP, form=form, tolerance=1e-9), second)
+    assert one == pytest.approx(np.vdot(first, blur(second, STEP, form=other, tolerance=1e-9)), rel=1e-5)
 
 
 def test_a_camera_gives_the_focal_length():
@@ -112,10 +124,10 @@ def test_the_number_of_threads_changes_no_byte(dtype, form):
 
 
 def test_light_of_10000_is_spread_and_does_not_go_negative_by_more_than_the_tolerance():
-    layer = np.zeros((60, 80, 4), np.float32)
-    layer[30, 40] = 1e4
-    t = np.full((60, 80), 0.1, np.float32)
-    t[:, :40] = 0.8
+    layer = np.zeros((24, 32, 4), np.float32)
+    layer[12, 16] = 1e4
+    t = np.full((24, 32), 0.1, np.float32)
+    t[:, :16] = 0.8
     exact = blur(layer, t, solver="reference")
     fast = blur(layer, t, tolerance=1e-3)
     assert exact.min() >= 0
@@ -133,11 +145,12 @@ def test_narrow_pictures(shape, form):
 
 @pytest.mark.parametrize("field_of_view", [0.01, 1.0, 179.0])
 def test_a_kernel_may_be_larger_than_the_picture_or_smaller_than_a_pixel(field_of_view):
-    layer = forward(IMAGE, SMOOTH)
-    blurred = blur(layer, SMOOTH, field_of_view=field_of_view, solver="reference")
+    t = SMOOTH[::2, ::2]
+    layer = forward(IMAGE[::2, ::2], t)
+    blurred = blur(layer, t, field_of_view=field_of_view, solver="reference")
     assert blurred.min() >= 0
     np.testing.assert_allclose(blurred.sum(axis=(0, 1)), layer.sum(axis=(0, 1)), rtol=1e-11)
-    fast = blur(layer, SMOOTH, field_of_view=field_of_view, tolerance=1e-4)
+    fast = blur(layer, t, field_of_view=field_of_view, tolerance=1e-4)
     assert rms(fast - blurred) <= 1e-4
 
 
@@ -163,7 +176,7 @@ def test_what_is_not_finite_is_refused_with_its_place(bad):
             call()
     unknown = t.copy()
     unknown[4, 5] = np.nan
-    with pytest.raises(ValueError, match="transmission has 1 values .* row 4, column 5"):
+    with pytest.raises(ValueError, match=r"transmission has 1 values .* row 4, column 5"):
         blur(np.ones((5, 6, 4)), unknown)
 
 
@@ -186,7 +199,7 @@ def test_interpolated_kernels_are_exact(form, channels, kernel):
 
 
 def test_near_is_sharp_and_far_is_soft():
-    blurred = apsf(IMAGE, DEPTH, far=0.1, middle=0.05)
+    blurred = apsf(IMAGE, DEPTH, far=0.4, middle=0.2, channels="all")
     np.testing.assert_allclose(blurred[DEPTH == 0], IMAGE[DEPTH == 0], rtol=1e-12)
     assert blurred[DEPTH == 1].std() < 0.8 * IMAGE[DEPTH == 1].std()
 

@@ -1,9 +1,9 @@
 r"""The kernel of light that a fog has scattered, from a table of photons.
 
 For an isotropic source at the centre of a sphere of optical radius T that only scatters, by the phase function of
-Henyey and Greenstein, the table holds the angles within which given shares of the scattered light arrive. Between entries
-these *angles* are interpolated (in ln T and ln(1 − q)), not the radiance: so a kernel gets wider as a whole, is nowhere
-negative, and keeps its energy of 1.
+Henyey and Greenstein, the table holds the angles within which given shares of the scattered light arrive. Between
+entries these *angles* are interpolated (in ln T and ln(1 − q)), not the radiance: so a kernel gets wider as a whole, is
+nowhere negative, and keeps its energy of 1.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ def weights(profile: np.ndarray, focal: float, height: int, width: int) -> tuple
 def responses(profile: np.ndarray, focal: float, height: int, width: int, dtype: type = np.float64) -> FloatArray:
     """Factors (H, W) by which the kernel multiplies the cosine transform (type II) of an image of that size."""
     quadrant, beyond = weights(profile, focal, height, width)
-    factors = fft.dctn(quadrant.astype(dtype), type=1, workers=threads(), overwrite_x=True)[:height, :width]
+    factors = np.asarray(fft.dctn(quadrant.astype(dtype), type=1, workers=threads()))[:height, :width]
     factors[0, 0] += beyond
     return factors
 
@@ -64,32 +64,45 @@ def _energy_beyond(profile: np.ndarray, focal: float, height: int, width: int) -
 
 @njit(cache=True, nogil=True)
 def _sample(first, last, profile, angles, focal, quadrant):  # pragma: no cover - compiled
-    scale = (len(angles) - 1) / np.sqrt(angles[-1])
     for y in range(first, last):
         for x in range(quadrant.shape[1]):
-            inverse = _inverse_distance(x, y)
-            tangent = 1 / (inverse * focal)
-            angle = np.arctan(tangent)
-            cosine = 1 / np.sqrt(1 + tangent * tangent)
-            # The angles are ∝ index², so the index of an angle is a square root.
-            index = min(int(scale * np.sqrt(angle)), len(angles) - 2)
-            share = (angle - angles[index]) / (angles[index + 1] - angles[index])
-            value = profile[index] + share * (profile[index + 1] - profile[index])
-            # p / sin θ · cos³θ / f²
-            quadrant[y, x] = value / (tangent * cosine) * cosine**3 / (focal * focal)
+            if x + y > 4:
+                quadrant[y, x] = _square(float(x), float(y), 1.0, profile, angles, focal)
+                continue
+            # Near the cusp, a profile that bends within a pixel is taken in parts (an odd number: no corner is at 0).
+            added = 0.0
+            for j in range(9):
+                for i in range(9):
+                    added += _square(x + (i - 4) / 9, y + (j - 4) / 9, 1 / 9, profile, angles, focal)
+            quadrant[y, x] = added / 81
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _inverse_distance(x, y):  # pragma: no cover - compiled
-    """Mean of 1 / r over a pixel around (x, y)."""
-    if x + y > 8:
-        r2 = x * x + y * y
-        return (1 + 1 / (24.0 * r2)) / np.sqrt(r2)  # Δ(1/r) = 1/r³, second moments 1/12; the rest is below 1e-6
-    left, right, low, high = x - 0.5, x + 0.5, y - 0.5, y + 0.5
-    return _corner(right, high) - _corner(left, high) - _corner(right, low) + _corner(left, low)
+def _square(x, y, side, profile, angles, focal):  # pragma: no cover - compiled
+    """I cos³θ / f² for a square of pixels around (x, y)."""
+    tangent = 1 / (_inverse_distance(x, y, side) * focal)
+    angle = np.arctan(tangent)
+    cosine = 1 / np.sqrt(1 + tangent * tangent)
+    # The angles are ∝ index², so the index of an angle is a square root.
+    index = min(int((len(angles) - 1) * np.sqrt(angle / angles[-1])), len(angles) - 2)
+    share = (angle - angles[index]) / (angles[index + 1] - angles[index])
+    value = profile[index] + share * (profile[index + 1] - profile[index])
+    return value / tangent * (cosine / focal) ** 2  # I = p / sin θ
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _inverse_distance(x, y, side):  # pragma: no cover - compiled
+    """Mean of 1 / r over a square around (x, y)."""
+    squared = (x * x + y * y) / (side * side)
+    if squared > 64:
+        # Δ(1/r) = 1/r³, and the second moments of a square are 1/12; what is left is below 1e-6.
+        return (1 + 1 / (24 * squared)) / (np.sqrt(squared) * side)
+    half = side / 2
+    whole = _corner(x + half, y + half) - _corner(x - half, y + half)
+    return (whole - _corner(x + half, y - half) + _corner(x - half, y - half)) / (side * side)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _corner(x, y):  # pragma: no cover - compiled
-    """∫ dA / r from the origin to a corner."""
+    """∫ dA / r from the origin to a corner, negative where one of its coordinates is."""
     return x * np.arcsinh(y / abs(x)) + y * np.arcsinh(x / abs(y))

@@ -5,6 +5,8 @@ Each function has a fast and a direct solver: ``exact=True`` sums over all pairs
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
@@ -32,14 +34,18 @@ def by_thickness(
     the new planes, as many maps as there are kernels, and three more.
     """
     thickness = np.clip(thickness, measured.LEAST, measured.MOST)
+    height, width = thickness.shape
     if exact:
-        size = thickness.shape
-        return direct(planes, lambda y, x: weights(measured.profiles(q, thickness[y, x])[0], focal, *size), form)
-    places, position = basis.nodes(np.log(thickness))
-    family = measured.profiles(q, np.exp(places))
-    shares, spectrum = basis.seen(planes, position, len(places), form == "scatter")
-    few = basis.reduced(family, shares, *spectrum, focal, SAFETY * tolerance)
-    kernels = [responses(profile, focal, *position.shape, planes.dtype.type) for profile in few.profiles]
+        return direct(
+            planes, lambda y, x: weights(measured.profiles(q, thickness[y, x])[0], focal, height, width), form
+        )
+    logs, aim, spreads = np.log(thickness), SAFETY * tolerance, form == "scatter"
+    extent = float(np.ptp(logs)) or 1.0
+    frequencies, power = basis.power_spectrum(planes, (logs - logs.min()) / extent if spreads else None)
+    places, position = basis.nodes(logs, math.sqrt(power.sum()), aim)
+    shares = basis.shares_of_nodes(position, len(places), np.square(planes).mean(axis=0) if spreads else None)
+    few = basis.reduced(measured.profiles(q, np.exp(places)), shares, frequencies, power, focal, aim)
+    kernels = [responses(profile, focal, height, width, planes.dtype.type) for profile in few.profiles]
     return blend(planes, position, few.coefficients, kernels, form)
 
 
@@ -55,12 +61,12 @@ def by_size(
 
     Sizes are focal lengths in pixels, and 0 is sharp. The position is 0 … sizes − 1. Exact but for rounding.
     """
-    size = position.shape
+    height, width = position.shape
     if exact:
-        sampled = [weights(profile, focal, *size) if focal else _sharp(*size) for focal in focals]
+        sampled = [weights(profile, focal, height, width) if focal else _sharp(height, width) for focal in focals]
         return direct(planes, lambda y, x: _between(sampled, float(position[y, x])), form)
     sharp = np.ones_like(position)
-    kernels = [responses(profile, focal, *size, planes.dtype.type) if focal else sharp for focal in focals]
+    kernels = [responses(profile, f, height, width, planes.dtype.type) if f else sharp for f in focals]
     return blend(planes, position, np.eye(len(focals)), kernels, form)
 
 
