@@ -74,17 +74,17 @@ def field(
             _Axis(size, period / 2**octave, count, octave_shift(key, octave, axis))
             for axis, (size, count) in enumerate(zip((height, width), cells, strict=True))
         )
-        amplitude = weight / math.sqrt(_A**2 / 3 if noise == "value" else cell_variance(2))
-        in_bands(_add_octave, height, width, rows.arrays, columns.arrays, columns.starts, cells[0], cells[1],
-                 octave_key(key, octave), np.float32(amplitude), noise == "gradient", total)  # fmt: skip
+        strength = np.float32(weight / math.sqrt(_A**2 / 3 if noise == "value" else cell_variance(2)))
+        lattice = rows.arrays, columns.arrays, columns.starts, *cells, octave_key(key, octave)
+        in_bands(_add_octave, height, width, *lattice, strength, noise == "gradient", total)
     return total
 
 
 def density(noise: FloatArray, contrast: float) -> FloatArray:
     r"""Density of mean 1 from noise of mean 0 and variance 1, in place, :math:`\rho = (1 + a n)^2 / (1 + a^2)`.
 
-    Since :math:`E(1 + a n)^2 = 1 + a^2` whatever the distribution of n, the mean is 1 without any clipping.
-    For :func:`amplitude` see there.
+    Since :math:`E(1 + a n)^2 = 1 + a^2` whatever the distribution of n, the mean is 1 without any clipping. The
+    standard deviation is ``contrast`` where n is normally distributed, see :func:`amplitude`.
     """
     rows, columns = noise.shape
     in_bands(_to_density, rows, columns, np.float32(amplitude(contrast)), noise)
@@ -150,7 +150,7 @@ def signed_share(bits, shift):
 
 
 @njit(nogil=True, cache=True)
-def _add_octave(first, last, rows, columns, starts, high, wide, key, amplitude, is_gradient, total):
+def _add_octave(first, last, rows, columns, starts, high, wide, key, strength, is_gradient, total):
     """Add one octave. Within a run the corners are the same, so only u and f(u) vary from pixel to pixel."""
     row_cell, row_u, row_fade = rows
     column_cell, column_u, column_fade = columns
@@ -165,8 +165,8 @@ def _add_octave(first, last, rows, columns, starts, high, wide, key, amplitude, 
                 for corner in range(4):
                     i, j = column_cell[starts[run]] + corner % 2, row_of_corners + corner // 2
                     bits = hashed(key, i % wide if wide else i, j % high if high else j, 0)
-                    across[run, corner] = signed_share(bits, 0) * amplitude if is_gradient else np.float32(0)
-                    along[run, corner] = signed_share(bits, 32) * amplitude
+                    across[run, corner] = signed_share(bits, 0) * strength if is_gradient else np.float32(0)
+                    along[run, corner] = signed_share(bits, 32) * strength
         v, down = row_u[y], row_fade[y]
         up = np.float32(1) - down
         above, below = (v, v - np.float32(1)) if is_gradient else (np.float32(1), np.float32(1))

@@ -113,17 +113,18 @@ def plane(
     *,
     near_point: Point = (0.5, 1.0),
     far_point: Point = (0.5, 0.0),
-    near: Share = 0.0,
-    far: Share = 1.0,
+    near: Share | Plane = 0.0,
+    far: Share | Plane = 1.0,
     form: Literal["perspective", "linear"] = "perspective",
     nearest: Annotated[float, Ge(0), Lt(1)] = 0.05,
     feather: Feather = 0.0,
 ) -> RelativeDepth:
     r"""Lay a plane over what is below: depth along a line from a near to a far point.
 
-    .. math:: \frac1{Z(s)} = \frac{1 - s}{Z(0)} + \frac{s}{Z(1)} \qquad\text{or}\qquad Z(s) = (1 - s) Z(0) + s Z(1)
+    .. math:: \frac1{D(s)} = \frac{1 - s}{D(0)} + \frac{s}{D(1)}, \quad D = r + (1 - r) Z
+              \qquad\text{or}\qquad Z(s) = (1 - s)\, Z(0) + s\, Z(1)
 
-    In perspective the inverse of the distance is linear in the image, as on the ground or along a wall.
+    In perspective the inverse of the distance D is linear in the image, as on the ground or along a wall.
 
     Parameters
     ----------
@@ -132,10 +133,9 @@ def plane(
     image : (H, W, 3) float, optional; the mask follows its edges where there is feather.
     near_point, far_point : (x, y) in shares of the width and the height. Before and beyond the line, depth stays what
         it is at its ends; across it, depth is the same.
-    near, far : Depth at the two points.
+    near, far : Depth at the two points, as numbers or by name.
     form : ``"perspective"`` or ``"linear"``.
-    nearest : Distance at depth 0 as a share of the distance at depth 1, as in :func:`to_range`, since only distances
-        have an inverse that is linear.
+    nearest : r, the distance at depth 0 as a share of that at depth 1, as in :func:`to_range`.
     feather : as in :func:`flat`.
 
     Returns
@@ -154,10 +154,11 @@ def plane(
     """
     require_maps(below=(below, 1), mask=(mask, 1))
     along = layering.along_line(mask.shape, near_point, far_point)
+    start, end = _depth(near), _depth(far)
     if form == "linear":
-        depth = near + along * np.float32(far - near)
+        depth = start + along * np.float32(end - start)
     else:
-        first, last = (nearest + (1 - nearest) * depth for depth in (near, far))
+        first, last = (nearest + (1 - nearest) * depth for depth in (start, end))
         if min(first, last) <= 0:
             raise ValueError("a plane in perspective cannot begin at a distance of 0: raise near, far or nearest.")
         distance = 1 / ((1 - along) / np.float32(first) + along / np.float32(last))
@@ -171,8 +172,8 @@ def shading(
     mask: Mask,
     image: Image,
     *,
-    near: Share = 0.0,
-    far: Share | None = 1.0,
+    near: Share | Plane = 0.0,
+    far: Share | Plane | None = 1.0,
     nearer: Literal["brighter", "darker"] = "brighter",
     span: tuple[Share, Share] = (0.02, 0.98),
     smooth: Annotated[float, Ge(0), Le(50), Unit("px")] = 4.0,
@@ -220,8 +221,8 @@ def shading(
     level = layering.brightness(image @ np.array(LUMINANCE, image.dtype), mask, span, smooth)
     if nearer == "darker":
         level = 1 - level
-    deepest = below if far is None else np.array(far, np.float32)
-    return _laid_over(below, deepest + level * (np.float32(near) - deepest), mask, image, feather)
+    deepest = below if far is None else np.array(_depth(far), np.float32)
+    return _laid_over(below, deepest + level * (np.float32(_depth(near)) - deepest), mask, image, feather)
 
 
 @stage("layers.to_range")
