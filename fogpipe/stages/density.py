@@ -51,7 +51,8 @@ def perlin(
     noise : ``"gradient"``, as Perlin's, or ``"value"``, as the paper describes it: blotches with straight edges.
     tileable : Whether the image continues at its opposite border. The period is then changed to the nearest that
         divides each side.
-    rng : Draws the noise. A larger image continues a smaller one of the same seed, unless it is tileable.
+    rng : Draws the noise. A larger image continues a smaller one of the same seed, unless it is tileable. The fog
+        sticks to the picture: for video take :func:`along_rays`.
 
     Returns
     -------
@@ -120,7 +121,7 @@ def along_rays(
     wind : v, the velocity of the fog in the world (Taylor's frozen turbulence).
     time : t, when the picture is taken.
     growth : Length of a step along the ray over its distance. Smaller is more accurate and slower.
-    rng : Draws the noise.
+    rng : Draws the noise. In a pipeline its seed and the name of the stage decide: keep both for all frames of a video.
 
     Returns
     -------

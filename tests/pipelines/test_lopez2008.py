@@ -101,7 +101,7 @@ def test_more_fog_is_thicker(photograph):
 
 def test_only_the_blur_that_is_asked_for_is_computed(photograph):
     result = fogpipe.load("layers-fog").run(to=["hazy"], image=photograph[::4, ::4])
-    assert not {"forward", "glow"} & {report.name for report in result.reports}
+    assert not {"forward", "light", "scattered"} & {report.name for report in result.reports}
 
 
 def test_a_measured_scene_is_linear(shared_data):
