@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,9 @@ its last."""
 
 _ALIKE = 0.1
 """Standard deviation, in values of [0, 1], within which two pixels look alike."""
+
+_REACH = 1.5
+"""Radius of the filter over its standard deviation."""
 
 
 def polygon(shape: tuple[int, ...], corners: Sequence[Point]) -> np.ndarray:
@@ -72,9 +76,21 @@ def soft(mask: np.ndarray, image: FloatArray, radius: float) -> FloatArray:
     """
     import cv2
 
-    guide = np.maximum(image, 0).astype(np.float32)
-    middle = float(np.mean(guide))
+    shares = np.zeros(mask.shape, np.float32)
+    if not mask.any():
+        return shares
+    reach = math.ceil(_REACH * radius)
+    around = _bounds(mask, margin=2 * reach)
+    middle = float(np.mean(image))
+    guide = np.maximum(image[around], 0).astype(np.float32)
     guide = guide / (guide + np.float32(middle if middle > 0 else 1))  # HDR into [0, 1)
-    share = cv2.ximgproc.jointBilateralFilter(guide, mask.astype(np.float32), -1, _ALIKE, radius)
-    share = np.clip(share, 0, 1).astype(np.float32)
-    return share * share * (3 - 2 * share)
+    share = cv2.ximgproc.jointBilateralFilter(guide, mask[around].astype(np.float32), 2 * reach + 1, _ALIKE, radius)
+    share = np.clip(share, 0, 1)
+    shares[around] = share * share * (3 - 2 * share)
+    return shares
+
+
+def _bounds(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
+    """The smallest rectangle with all of a mask, and a margin around it within the picture."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return tuple(slice(max(0, at[0] - margin), at[-1] + 1 + margin) for at in (rows, columns))  # type: ignore[return-value]

@@ -87,7 +87,7 @@ def flat(
     image : (H, W, 3) float, optional; the mask follows its edges where there is feather.
     depth : From 0, near, to 1, far, or one of close-up (0.1), middle (0.5) and background (1).
     feather : Standard deviation of the joint bilateral filter that makes the mask soft and lets it follow the edges of
-        the image; as wide as the mask is inaccurate. About feather² · 40 ns per pixel.
+        the image; as wide as the mask is inaccurate. About feather² · 90 ns per pixel around the mask.
 
     Returns
     -------
@@ -203,7 +203,7 @@ def shading(
 
     Notes
     -----
-    A region of one luminance lies halfway. The bilateral filter costs about smooth² · 20 ns per pixel.
+    A region of one luminance lies halfway. The bilateral filter costs about smooth² · 30 ns per pixel.
 
     Deviates from the source, which compresses the luminance by a sigmoid: here it is counted in f-stops between two
     quantiles, so that exposure does not matter.
