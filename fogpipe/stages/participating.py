@@ -18,6 +18,9 @@ Preset = Literal[
     "statue-left", "statue-centre", "statue-right",
 ]  # fmt: skip
 
+_STOPS = 24
+"""F-stops below the lightest pixel that the histogram covers."""
+
 
 class Medium(NamedTuple):
     """The parameters of Table 1, in the units of a depth from 0 to 1."""
@@ -169,16 +172,16 @@ def highlight_threshold(lightness: FloatArray, brighter_than: float = 0.5) -> fl
     from scipy.ndimage import gaussian_filter1d
 
     largest = float(lightness.max())
-    floor = float(np.quantile(lightness, brighter_than))
-    if not largest > floor:
+    if largest == 0:
         return np.inf
-    stops = np.log2(np.maximum(lightness, largest * 2.0**-24) / largest)
-    edges = np.arange(-24, 0.5, 0.5)
-    counts, _ = np.histogram(stops, edges)
+    stops = np.log2(np.maximum(lightness, largest * 2.0**-_STOPS) / largest)  # −24 to 0
+    half_stops = np.minimum(2 * (stops + _STOPS), 2 * _STOPS - 1).astype(np.int64)
+    counts = np.bincount(half_stops.ravel(), minlength=2 * _STOPS)
     slope = np.diff(gaussian_filter1d(counts.astype(np.float64), 1.5, mode="constant"))
-    slope[edges[1:-1] < np.log2(max(floor / largest, 2.0**-24))] = np.inf
+    ordinary = int(np.searchsorted(np.cumsum(counts), brighter_than * lightness.size))
+    slope[:ordinary] = 0
     steepest = int(np.argmin(slope))
-    return largest * 2.0 ** edges[1 + steepest] if slope[steepest] < 0 else np.inf
+    return largest * 2.0 ** ((steepest + 1) / 2 - _STOPS) if slope[steepest] < 0 else np.inf
 
 
 @stage("participating.relight")
