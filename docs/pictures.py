@@ -8,12 +8,15 @@ import cv2
 import numpy as np
 
 import fogpipe
+from fogpipe.bench.chart import curves
 from fogpipe.io.images import write_image
 from fogpipe.io.scenes import open_scene
 from fogpipe.kernels.perlin import field
+from fogpipe.kernels.scattering import measured, pixels, profiles
 from fogpipe.stages.composite import attenuate, over_airlight
 from fogpipe.stages.density import along_rays
 from fogpipe.stages.medium import transmission as beer_lambert
+from fogpipe.stages.scattering import apsf, glow
 
 FOLDER = Path(__file__).parent / "pictures"
 
@@ -74,6 +77,63 @@ def drifting(times: tuple[float, ...] = (0.0, 4.0, 8.0)) -> None:
     write_image(FOLDER / "drifting.jpg", np.hstack(frames))
 
 
+def kernels_by_angle() -> None:
+    """Lopez-Moreno 2008, Figure 7: kernels for several T and q, of photons (solid) and of the series (dashed)."""
+    shown = np.abs(profiles.ANGLES - np.radians(40)) < np.radians(39.7)
+    angles = profiles.ANGLES[shown]
+    degrees = list(np.degrees(angles))
+    by_thickness = {f"T = {thickness:g}": (0.9, thickness) for thickness in (1.2, 2.0, 4.0, 8.0)}
+    by_asymmetry = {f"q = {q:g}": (q, 1.2) for q in (0.2, 0.75, 0.9, 0.95)}
+    for name, title, kernels in (
+        ("kernels-by-thickness", "q = 0.9: photons, and the series (dashed)", by_thickness),
+        ("kernels-by-asymmetry", "T = 1.2: photons, and the series (dashed)", by_asymmetry),
+    ):
+        lines: dict[str, list[float]] = {}
+        for label, (q, thickness) in kernels.items():
+            for suffix, profile in (
+                ("", measured.profiles(q, np.array(thickness))[0]),
+                (" *", profiles.legendre(q, thickness)),
+            ):
+                lines[label + suffix] = list(profile[shown] / np.sin(angles))
+        svg = curves(title, ("angle from the source, degrees", degrees), "radiance per energy, 1/sr", lines)
+        (FOLDER / f"{name}.svg").write_text(svg, encoding="utf-8")
+
+
+def kernels_on_screen(size: int = 121, focal: float = 400.0) -> None:
+    """Lopez-Moreno 2008, Figure 8: a kernel that is projected ever smaller with depth, and, below, kernels of photons.
+
+    Above, the series in the sizes 1/5, 1/10 and 1/20; below, what fog of the thickness 0.5, 2 and 8 does. Five
+    decades from black to white.
+    """
+    series = profiles.legendre(0.9, 1.2)
+    above = [(series, focal * share) for share in (0.2, 0.1, 0.05)]
+    below = [(profile, focal) for profile in measured.profiles(0.9, np.array([0.5, 2.0, 8.0]))]
+    rows = []
+    for kernels in (above, below):
+        drawn = []
+        for profile, f in kernels:
+            quadrant, _ = pixels.weights(profile, f, size, size)
+            half = np.log10(np.pad(quadrant[:size, :size], ((size - 1, 0), (size - 1, 0)), mode="reflect"))
+            drawn.append(np.clip(1 + half / 5, 0, 1))
+        rows.append(np.hstack(drawn))
+    write_image(FOLDER / "kernels-on-screen.jpg", np.repeat(np.vstack(rows)[..., None], 3, axis=2), color="srgb")
+
+
+def lamps(thicknesses: tuple[float, ...] = (1.2, 2.0, 4.0)) -> None:
+    """A night scene of one depth behind ever thicker fog that adds no airlight: by photons, and below by the series."""
+    image = _photograph("rocket")
+    image = image * (1 + 20 * (image.min(axis=2, keepdims=True) > 0.8))  # lamps as bright as they are
+    flat = np.ones(image.shape[:2], np.float32)
+    photons, series = [], []
+    for thickness in thicknesses:
+        t = np.exp(-thickness)
+        photons.append(glow(image, t * flat))
+        wide = {"near": 1.0, "middle": 1.0, "far": 1.0, "channels": "all"}
+        series.append(t * image + (1 - t) * apsf(image, flat, optical_thickness=thickness, **wide))
+    rows = np.vstack([np.hstack(photons), np.hstack(series)])
+    write_image(FOLDER / "lamps.jpg", cv2.resize(rows, None, fx=0.6, fy=0.6, interpolation=cv2.INTER_AREA))
+
+
 def _photograph(name: str) -> np.ndarray:
     return open_scene(f"sample:{name}").load("linear", ["image"]).values["image"]
 
@@ -84,3 +144,6 @@ if __name__ == "__main__":
     coefficients()
     octaves()
     drifting()
+    kernels_by_angle()
+    kernels_on_screen()
+    lamps()

@@ -1,4 +1,4 @@
-"""Light that the medium scatters forward: how much of it there is, and the atmospheric point spread function."""
+"""Light that the medium scatters: where it arrives (the atmospheric point spread function), and how much of it."""
 
 from __future__ import annotations
 
@@ -11,104 +11,63 @@ from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_m
 from fogpipe.ports import Camera, Image, Layer, RelativeDepth, Transmission, Unit
 from fogpipe.stage import stage
 
-Asymmetry = Annotated[float, Ge(0), Lt(1)]
-Form = Literal["scatter", "gather"]
+Asymmetry = Annotated[float, Ge(0), Le(0.99)]
+Tolerance = Annotated[float, Gt(0)]
+FieldOfView = Annotated[float, Gt(0), Lt(180), Unit("°")]
+Form = Literal["gather", "scatter"]
+Solver = Literal["fast", "reference"]
 
 
-@stage("scattering.forward")
-def forward(
-    image: Image,
-    transmission: Transmission,
-    *,
-    asymmetry: Asymmetry = 0.9,
-    share: Literal["peak", "all"] = "peak",
-) -> Layer:
-    r"""Layer of the light that is scattered on its way and still arrives from its object.
-
-    .. math:: S = (t^{1 - q^2} - t)\,(E, 1), \qquad \text{or} \quad S = (1 - t)\,(E, 1)
-
-    Parameters
-    ----------
-    image : (H, W, 3) float, E, linear light.
-    transmission : (H, W) float, t in [0, 1], the share that arrives unscattered.
-    asymmetry : q of Henyey and Greenstein, the mean cosine of the scattering angle.
-    share : ``"peak"``: what belongs to the forward peak of the phase function, of which q² counts as not scattered away
-        (delta-Eddington). The rest, 1 − t^(1 − q²), is left to the airlight. ``"all"``: all that is not direct, as
-        for lamps at night, when there is no other light.
-
-    Returns
-    -------
-    (H, W, 4) float32, or float64 for a float64 image. Together with the direct layer t·(E, 1) its opacity is at most 1.
-
-    Raises
-    ------
-    ValueError
-        If the image is not finite or the transmission unknown (NaN) somewhere, or the sizes differ.
-
-    References
-    ----------
-    Joseph, Wiscombe & Weinman 1976, *The delta-Eddington approximation for radiative flux transfer*.
-    """
-    from fogpipe.kernels.compositing import attenuate
-
-    require_maps(image=(image, 3), transmission=(transmission, 1))
-    require_finite(image=image, transmission=transmission)
-    image, transmission = floats(image, transmission)
-    arriving = transmission ** (1 - asymmetry**2) if share == "peak" else np.ones_like(transmission)
-    return attenuate(image, arriving - transmission)
+def _black(image: Image) -> str | None:
+    """skipped where the image is black"""
+    return None if image.any() else "the image is black"
 
 
-def _no_scattered_light(layer: Layer) -> str | None:
-    """skipped where the layer holds no light"""
-    return None if layer.any() else "the layer holds no scattered light"
-
-
-@stage("scattering.blur", identity_when=_no_scattered_light)
+@stage("scattering.blur", identity_when=_black)
 def blur(
-    layer: Layer,
+    image: Image,
     transmission: Transmission,
     camera: Camera | None = None,
     *,
-    asymmetry: Annotated[float, Ge(0), Le(0.95)] = 0.9,
-    field_of_view: Annotated[float, Gt(0), Lt(180), Unit("°")] = 60.0,
-    form: Form = "scatter",
-    solver: Literal["fast", "reference"] = "fast",
-    tolerance: Annotated[float, Gt(0)] = 0.002,
-) -> Layer:
-    r"""Blur a layer of scattered light as the medium spreads it, more the thicker it is before each pixel.
+    asymmetry: Asymmetry = 0.9,
+    field_of_view: FieldOfView = 60.0,
+    form: Form = "gather",
+    solver: Solver = "fast",
+    tolerance: Tolerance = 0.002,
+) -> Image:
+    r"""Blur an image as fog does to the light that it scatters, more the thicker it is before each pixel.
 
-    .. math:: J(x) = \sum_y K_{T(y)}(x - y)\, S(y), \qquad \text{or} \quad J(x) = \sum_y K_{T(x)}(x - y)\, S(y)
+    .. math:: J(x) = \sum_y K_{T(x)}(x - y)\, E(y), \qquad \text{or} \quad J(x) = \sum_y K_{T(y)}(x - y)\, E(y)
 
     The kernel K_T is the radiance that photons have after the optical thickness T, by angle, from a table that a Monte
     Carlo made; at most 1 % of the light is at a wrong angle. It holds scattered light alone: the direct light, a
-    share of e^(−T), belongs to a sharp layer of its own.
+    share of e^(−T), stays sharp and is a layer of its own. :func:`forward` makes a layer of the result.
 
     Parameters
     ----------
-    layer : (H, W, 4) float, S, light that was scattered, without the direct light: :func:`forward`.
+    image : (H, W, 3) float, E, linear light; values above 1 (HDR) are welcome.
     transmission : (H, W) float, t in [0, 1]; the optical thickness is T = −ln t. The shape of the kernel is that of
         0.02 where the fog is thinner, and of 32 where it is thicker, as before the sky.
     camera : (3, 3) float, optional. Its focal length turns angles into pixels.
     asymmetry : q of Henyey and Greenstein, the mean cosine of the scattering angle: haze 0.7–0.8, fog 0.85–0.9.
     field_of_view : Horizontal, in degrees, where there is no camera.
-    form : ``"scatter"``: each pixel spreads its light with its own kernel (the first sum), which conserves the light of
-        the layer. ``"gather"``: each pixel collects light with its own kernel (the second), which leaves a constant
-        layer as it is. One is the transpose of the other.
-    solver : ``"fast"`` keeps the tolerance; ``"reference"`` sums over all pairs of pixels, for some ten thousand
-        pixels.
-    tolerance : Root-mean-square error allowed, in the units of the layer. What the fast solver expects to keep is a
+    form : ``"gather"``: each pixel collects light with its own kernel (the first sum), which leaves a constant image as
+        it is. ``"scatter"``: each pixel spreads its light with its own kernel (the second), which conserves the light
+        of the image. One is the transpose of the other.
+    solver : ``"fast"`` keeps the tolerance; ``"reference"`` sums over all pairs of pixels, for some thousand pixels.
+    tolerance : Root-mean-square error allowed, in the units of the image. What the fast solver expects to keep is a
         model measured on photographs and noise, no bound; it does not go below about 3e-5 of the variation of the
-        layer.
+        image.
 
     Returns
     -------
-    (H, W, 4) float32, or float64 for a float64 layer and from ``"reference"``. Values from the fast solver may
+    (H, W, 3) float32, or float64 for a float64 image and from ``"reference"``. Values from the fast solver may
     overshoot by the tolerance, below 0 too.
 
     Raises
     ------
     ValueError
-        If the layer is not finite or the transmission unknown (NaN) somewhere, the asymmetry is not in [0, 0.99], or
+        If the image is not finite or the transmission unknown (NaN) somewhere, the asymmetry is not in [0, 0.99], or
         the sizes differ.
 
     Notes
@@ -124,20 +83,113 @@ def blur(
     ----------
     Narasimhan & Nayar 2003, *Shedding light on the weather*, for the geometry of the source in a sphere of fog.
     """
-    from fogpipe.kernels.scattering import varying
+    require_maps(image=(image, 3), transmission=(transmission, 1))
+    require_finite(image=image, transmission=transmission)
+    image, transmission = floats(image, transmission)
+    if _black(image):
+        return image.copy()
+    focal = _focal_length(image.shape[1], camera, field_of_view)
+    return _blurred(image, transmission, asymmetry, focal, form, tolerance, solver == "reference")
 
-    require_maps(layer=(layer, 4), transmission=(transmission, 1))
-    require_finite(layer=layer, transmission=transmission)
-    if _no_scattered_light(layer):
-        return floats(layer)[0].copy()
-    layer, transmission = floats(layer, transmission)
+
+@stage("scattering.forward")
+def forward(
+    image: Image,
+    transmission: Transmission,
+    *,
+    asymmetry: Asymmetry = 0.9,
+) -> Layer:
+    r"""Layer of the light that fog has scattered nearly straight on, beside the direct light and the airlight.
+
+    .. math:: S = (t^{1 - q^2} - t)\,(J, 1)
+
+    Of scattered light, the share q² belongs to the forward peak of the phase function and counts as not scattered away
+    (delta-Eddington): t of the light is direct, 1 − t^(1 − q²) is left to the airlight, and this is what is between.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, J, linear light, blurred by :func:`blur`.
+    transmission : (H, W) float, t in [0, 1], the share that arrives unscattered.
+    asymmetry : q of Henyey and Greenstein, the mean cosine of the scattering angle.
+
+    Returns
+    -------
+    (H, W, 4) float32, or float64 for a float64 image. Added to the direct layer t·(E, 1), its opacity is at most 1.
+
+    Raises
+    ------
+    ValueError
+        If the image is not finite or the transmission unknown (NaN) somewhere, or the sizes differ.
+
+    References
+    ----------
+    Joseph, Wiscombe & Weinman 1976, *The delta-Eddington approximation for radiative flux transfer*.
+    """
+    from fogpipe.kernels.compositing import attenuate
+
+    require_maps(image=(image, 3), transmission=(transmission, 1))
+    require_finite(image=image, transmission=transmission)
+    image, transmission = floats(image, transmission)
+    return attenuate(image, transmission ** (1 - asymmetry**2) - transmission)
+
+
+def _no_fog(transmission: Transmission) -> str | None:
+    """skipped where there is no fog"""
+    return "all light arrives unscattered" if (transmission == 1).all() else None
+
+
+@stage("scattering.glow", identity_when=_no_fog)
+def glow(
+    image: Image,
+    transmission: Transmission,
+    camera: Camera | None = None,
+    *,
+    asymmetry: Asymmetry = 0.9,
+    field_of_view: FieldOfView = 60.0,
+    solver: Solver = "fast",
+    tolerance: Tolerance = 0.002,
+) -> Image:
+    r"""Lamps at night in fog that nothing else lights: direct light, and a glow of all that is scattered.
+
+    .. math:: J(x) = t(x)\, E(x) + \sum_y K_{T(y)}(x - y)\, (1 - t(y))\, E(y)
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, E, linear light. Lamps glow as bright as they are: an HDR image is wanted.
+    transmission, camera, asymmetry, field_of_view, solver, tolerance : as in :func:`blur`, whose form
+        ``"scatter"`` this is.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image and from ``"reference"``. The light of the image is conserved.
+
+    Raises
+    ------
+    ValueError
+        As in :func:`blur`.
+
+    Notes
+    -----
+    There is no airlight and no absorption. What stands before a lamp does not cover its glow.
+    """
+    require_maps(image=(image, 3), transmission=(transmission, 1))
+    require_finite(image=image, transmission=transmission)
+    image, transmission = floats(image, transmission)
+    t = transmission[..., None]
+    focal = _focal_length(image.shape[1], camera, field_of_view)
+    exact = solver == "reference"
+    return t * image + _blurred((1 - t) * image, transmission, asymmetry, focal, "scatter", tolerance, exact)
+
+
+def _blurred(
+    image: FloatArray, transmission: FloatArray, q: float, focal: float, form: Form, tolerance: float, exact: bool
+) -> FloatArray:
+    from fogpipe.kernels.scattering.varying import by_thickness
+
     with np.errstate(divide="ignore"):  # nothing arrives: infinitely thick
         thickness = -np.log(transmission)
-    focal = _focal_length(layer.shape[1], camera, field_of_view)
-    planes = np.ascontiguousarray(layer.transpose(2, 0, 1))
-    exact = solver == "reference"
-    blurred = varying.by_thickness(planes, thickness, asymmetry, focal, form, tolerance, exact)
-    return np.ascontiguousarray(blurred.transpose(1, 2, 0))
+    planes = np.ascontiguousarray(image.transpose(2, 0, 1))
+    return np.ascontiguousarray(by_thickness(planes, thickness, q, focal, form, tolerance, exact).transpose(1, 2, 0))
 
 
 def _no_kernel(near: float, middle: float, far: float) -> str | None:
@@ -155,7 +207,7 @@ def apsf(
     camera: Camera | None = None,
     *,
     optical_thickness: Annotated[float, Gt(0)] = 1.2,
-    asymmetry: Asymmetry = 0.9,
+    asymmetry: Annotated[float, Ge(0), Lt(1)] = 0.9,
     kernel: Literal["series", "gaussian"] = "series",
     near: Size = 0.0,
     middle: Size = 0.01,
@@ -163,8 +215,8 @@ def apsf(
     threshold: Annotated[float, Gt(0), Lt(1)] = 0.5,
     channels: Literal["luminance", "all"] = "luminance",
     form: Form = "gather",
-    solver: Literal["fast", "reference"] = "fast",
-    field_of_view: Annotated[float, Gt(0), Lt(180), Unit("°")] = 60.0,
+    solver: Solver = "fast",
+    field_of_view: FieldOfView = 60.0,
 ) -> Image:
     r"""Blur by the atmospheric point spread function as published, with kernels for three depths.
 

@@ -23,13 +23,15 @@ from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands, threads
 
 Form = Literal["scatter", "gather"]
+Kernels = Sequence[FloatArray]
+"""(H, W) factors of each kernel in the cosine basis, see :func:`~fogpipe.kernels.scattering.pixels.responses`."""
 
 
 def blend(
     planes: FloatArray,
     position: FloatArray,
     coefficients: np.ndarray,
-    kernels: Sequence[FloatArray],
+    kernels: Kernels,
     form: Form,
 ) -> FloatArray:
     """Convolve planes with a sum of kernels, weighted from pixel to pixel.
@@ -39,7 +41,7 @@ def blend(
     planes : (C, H, W) float.
     position : (H, W) float, place of each pixel on the axis of ``coefficients``, 0 … columns − 1.
     coefficients : (kernels, columns), a_k at whole positions; linear in between.
-    kernels : (H, W) factors of each kernel in the cosine basis, see :func:`~.pixels.responses`.
+    kernels : One for each row of the coefficients.
     form : Which pixel's weight counts: that which the light comes from, or that which it goes to.
 
     Returns
@@ -50,31 +52,34 @@ def blend(
     -----
     For each channel one cosine transform, and one for each kernel.
     """
-    height, width = position.shape
-    blurred = np.zeros_like(planes)
-    work = np.empty((height, width), planes.dtype)
-    table = np.asarray(coefficients, planes.dtype)
+    way = {"scatter": _scatter, "gather": _gather}[form]
+    blurred = np.empty_like(planes)
     for plane, result in zip(planes, blurred, strict=True):
-        spectrum = _cosines(plane) if form == "gather" else None
-        for row, kernel in zip(table, kernels, strict=True):
-            if spectrum is not None:
-                part = fft.idctn(np.multiply(spectrum, kernel, out=work), workers=threads())
-                in_bands(_add_weighted, height, width, part, position, row, result)
-            else:
-                work[...] = 0
-                in_bands(_add_weighted, height, width, plane, position, row, work)
-                result += kernel * _cosines(work)
-        if spectrum is None:
-            result[...] = fft.idctn(result, workers=threads(), overwrite_x=True)
+        result[...] = way(plane, position, coefficients.astype(planes.dtype), kernels)
     return blurred
 
 
-def _cosines(plane: FloatArray) -> FloatArray:
-    return np.asarray(fft.dctn(plane, workers=threads()))
+def _scatter(plane: FloatArray, position: FloatArray, coefficients: FloatArray, kernels: Kernels) -> FloatArray:
+    spectrum = np.zeros_like(plane)
+    for row, kernel in zip(coefficients, kernels, strict=True):
+        weighted = np.zeros_like(plane)
+        in_bands(_add_weighted, *plane.shape, plane, position, row, weighted)
+        spectrum += kernel * np.asarray(fft.dctn(weighted, workers=threads(), overwrite_x=True))
+    return np.asarray(fft.idctn(spectrum, workers=threads(), overwrite_x=True))
+
+
+def _gather(plane: FloatArray, position: FloatArray, coefficients: FloatArray, kernels: Kernels) -> FloatArray:
+    spectrum = np.asarray(fft.dctn(plane, workers=threads()))
+    blurred = np.zeros_like(plane)
+    for row, kernel in zip(coefficients, kernels, strict=True):
+        part = fft.idctn(spectrum * kernel, workers=threads(), overwrite_x=True)
+        in_bands(_add_weighted, *plane.shape, part, position, row, blurred)
+    return blurred
 
 
 @njit(cache=True, nogil=True)
 def _add_weighted(first, last, plane, position, row, result):  # pragma: no cover - compiled
+    """Add the plane to the result, each pixel with the coefficient at its position."""
     most = len(row) - 1
     for y in range(first, last):
         for x in range(plane.shape[1]):
