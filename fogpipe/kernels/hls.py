@@ -20,6 +20,9 @@ from numba import njit
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 
+_STOPS = 24
+"""F-stops below the lightest pixel that the histogram covers."""
+
 
 def lightness(image: FloatArray) -> FloatArray:
     """L of an (H, W, 3) image, (H, W) in its dtype."""
@@ -33,6 +36,29 @@ def pure_hue(degrees: float) -> FloatArray:
     """The colour (3,) of a hue with L = 1/2 and S = 1: red at 0°, green at 120°, blue at 240°."""
     away = np.abs((degrees / 60 + np.array([0.0, -2.0, 2.0]) + 3) % 6 - 3)  # sixths of the circle from each primary
     return np.clip(2 - away, 0, 1)
+
+
+def highlight_threshold(lightness: FloatArray, brighter_than: float = 0.5) -> float:
+    """Lightness at which highlights begin: where the histogram falls most steeply. Infinite where there are none.
+
+    Parameters
+    ----------
+    lightness : (H, W) float of 0 or more.
+    brighter_than : share of the pixels below which the fall is not looked for.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    largest = float(lightness.max())
+    if largest == 0:
+        return np.inf
+    stops = np.log2(np.maximum(lightness, largest * 2.0**-_STOPS) / largest)  # −24 to 0
+    half_stops = np.minimum(2 * (stops + _STOPS), 2 * _STOPS - 1).astype(np.int64)
+    counts = np.bincount(half_stops.ravel(), minlength=2 * _STOPS)
+    slope = np.diff(gaussian_filter1d(counts.astype(np.float64), 1.5, mode="constant"))
+    ordinary = int(np.searchsorted(np.cumsum(counts), brighter_than * lightness.size))
+    slope[:ordinary] = 0
+    steepest = int(np.argmin(slope))
+    return largest * 2.0 ** ((steepest + 1) / 2 - _STOPS) if slope[steepest] < 0 else np.inf
 
 
 def brighten_highlights_less(image: FloatArray, threshold: float, compression: float) -> FloatArray:

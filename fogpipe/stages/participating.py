@@ -18,9 +18,6 @@ Preset = Literal[
     "statue-left", "statue-centre", "statue-right",
 ]  # fmt: skip
 
-_STOPS = 24
-"""F-stops below the lightest pixel that the histogram covers."""
-
 
 class Medium(NamedTuple):
     """The parameters of Table 1, in the units of a depth from 0 to 1."""
@@ -157,31 +154,8 @@ def highlights(
     from fogpipe.kernels import hls
 
     image = _light(image)
-    threshold = highlight_threshold(hls.lightness(image), brighter_than)
+    threshold = hls.highlight_threshold(hls.lightness(image), brighter_than)
     return hls.brighten_highlights_less(image, threshold, compression) if threshold < np.inf else image.copy()
-
-
-def highlight_threshold(lightness: FloatArray, brighter_than: float = 0.5) -> float:
-    """Lightness at which highlights begin: where the histogram falls most steeply. Infinite where there are none.
-
-    Parameters
-    ----------
-    lightness : (H, W) float of 0 or more.
-    brighter_than : share of the pixels below which the fall is not looked for.
-    """
-    from scipy.ndimage import gaussian_filter1d
-
-    largest = float(lightness.max())
-    if largest == 0:
-        return np.inf
-    stops = np.log2(np.maximum(lightness, largest * 2.0**-_STOPS) / largest)  # −24 to 0
-    half_stops = np.minimum(2 * (stops + _STOPS), 2 * _STOPS - 1).astype(np.int64)
-    counts = np.bincount(half_stops.ravel(), minlength=2 * _STOPS)
-    slope = np.diff(gaussian_filter1d(counts.astype(np.float64), 1.5, mode="constant"))
-    ordinary = int(np.searchsorted(np.cumsum(counts), brighter_than * lightness.size))
-    slope[:ordinary] = 0
-    steepest = int(np.argmin(slope))
-    return largest * 2.0 ** ((steepest + 1) / 2 - _STOPS) if slope[steepest] < 0 else np.inf
 
 
 @stage("participating.relight")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from fogpipe.kernels import bands
-from fogpipe.kernels.hls import lightness, pure_hue
-from fogpipe.stages.participating import PRESETS, density, fog, highlight_threshold, highlights, medium, relight
+from fogpipe.kernels.hls import highlight_threshold, lightness, pure_hue
+from fogpipe.stages.participating import PRESETS, density, fog, highlights, medium, relight
 
 NIGHT = 220.0
 COLOURS = np.random.default_rng(3).random((30, 40, 3), np.float32)
