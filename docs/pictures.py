@@ -114,7 +114,7 @@ def kernels_on_screen(size: int = 121, focal: float = 400.0) -> None:
         for profile, f in kernels:
             quadrant, _ = pixels.weights(profile, f, size, size)
             half = np.log10(np.pad(quadrant[:size, :size], ((size - 1, 0), (size - 1, 0)), mode="reflect"))
-            drawn.append(np.clip(1 + half / 5, 0, 1))
+            drawn.append(np.clip(1.3 + half / 5, 0, 1))
         rows.append(np.hstack(drawn))
     write_image(FOLDER / "kernels-on-screen.jpg", np.repeat(np.vstack(rows)[..., None], 3, axis=2), color="srgb")
 
