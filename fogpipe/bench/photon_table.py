@@ -29,9 +29,7 @@ def angles(q: float, thickness: float) -> FloatArray:
 def make() -> None:
     """Measure all and write the table."""
     rows = [(q, T, *angles(q, T)) for q in ASYMMETRIES for T in THICKNESSES]
-    header = (
-        "Made by fogpipe.bench.photon_table: q, T, angles in degrees that hold the shares 1 / (1 + e^-y); y is\n"
-    )
+    header = "Made by fogpipe.bench.photon_table: q, T, angles in degrees that hold the shares 1 / (1 + e^-y); y is\n"
     header += "q,T," + ",".join(f"{y:g}" for y in LOG_ODDS)
     with atomic_write(TABLE) as temporary:
         np.savetxt(temporary, np.array(rows), fmt="%.5g", delimiter=",", header=header, encoding="utf-8")
