@@ -18,6 +18,8 @@ SUBJECTS = {
     "overhead": "fogpipe.bench.overhead",
     "haze": "fogpipe.bench.haze",
     "blur": "fogpipe.bench.blur",
+    "apsf": "fogpipe.bench.apsf",
+    "density": "fogpipe.bench.density",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 

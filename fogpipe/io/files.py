@@ -40,6 +40,12 @@ def split_layer(path: str | os.PathLike[str]) -> tuple[str, str]:
     return (file, layer) if file.lower().endswith(".exr") else (str(path), "")
 
 
+def split_part(text: str) -> tuple[str, str]:
+    """File and part of a path such as ``layers.tif#tree``; the whole path where there is a file of that name."""
+    file, _, part = text.rpartition("#")
+    return (file, part) if file and part and not os.path.exists(text) else (text, "")
+
+
 def _open_without_waiting(path: str, flags: int) -> int:
     """A pipe that nobody writes to would block the run for ever."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -91,7 +91,8 @@ def read_given(
     ----------
     name : how messages call it.
     kind : what it is; a camera is not read here, see :func:`camera_given`.
-    text : the path, or the number itself where the kind is a single number.
+    text : the path, or the number itself where the kind is a single number. A mask may be a part of a file, such as
+        ``layers.tif#tree``, see :func:`fogpipe.io.masks.read_mask`.
     color : the working space of pictures.
     encoding, camera : how a distance is written, see :func:`fogpipe.io.depth.read_depth`.
 
@@ -114,10 +115,13 @@ def read_given(
     if kind.name in DISTANCES:
         array, notes = _distance(name, kind, Path(text), encoding, camera)
         return Given(array, kind.name, text, notes)
+    if kind.dtype == "bool":
+        from fogpipe.io.masks import read_mask
+
+        return Given(read_mask(text), kind.name, text)
     from fogpipe.io.maps import read_map
 
-    array = read_map(text)
-    return Given(array > 0.5 if kind.dtype == "bool" else array, kind.name, text)
+    return Given(read_map(text), kind.name, text)
 
 
 def camera_given(camera: CameraFile, others: Mapping[str, Given]) -> Given:

@@ -64,6 +64,24 @@ def require_nonnegative(**maps: np.ndarray) -> None:
             raise ValueError(f"{name} is negative at {count} pixels (smallest {smallest:g}); mark unknown ones as NaN.")
 
 
+def require_finite(**maps: np.ndarray) -> None:
+    """Refuse maps with a NaN or an infinity, which a convolution would spread over all pixels.
+
+    Raises
+    ------
+    ValueError
+        Names the map, how many values are not finite, and the place of the first.
+    """
+    for name, array in maps.items():
+        finite = np.isfinite(array)
+        if not finite.all():
+            row, column = np.argwhere(~finite)[0][:2]
+            raise ValueError(
+                f"{name} has {np.count_nonzero(~finite)} values that are NaN or infinite, the first in row {row},"
+                f" column {column} (from 0): fill them before."
+            )
+
+
 def _size(array: np.ndarray) -> str:
     height, width = array.shape[:2]
     return f"{width} × {height}"

@@ -11,7 +11,7 @@ import numpy as np
 
 from fogpipe.errors import InputError, did_you_mean, suggestion
 from fogpipe.io.camera import read_camera
-from fogpipe.io.files import split_layer
+from fogpipe.io.files import split_layer, split_part
 from fogpipe.io.given import DISTANCES, Given, GivenInputs, camera_given, read_given
 from fogpipe.pipeline.plan import Plan
 from fogpipe.ports import Kind
@@ -191,9 +191,11 @@ def _advice(kind: Kind, array: np.ndarray) -> str:
 
 
 def _absolute(text: str) -> str:
-    """The path from anywhere; ``picture.exr#left`` keeps its layer."""
-    file, layer = split_layer(text)
+    """The path from anywhere; ``picture.exr#left`` and ``labels.png#3`` keep their part."""
+    file, part = split_layer(text)
+    if not part:
+        file, part = split_part(text)
     path = Path(file)
     if not path.exists():
         return text
-    return f"{path.resolve()}#{layer}" if layer else str(path.resolve())
+    return f"{path.resolve()}#{part}" if part else str(path.resolve())
