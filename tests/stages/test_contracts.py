@@ -9,7 +9,19 @@ import pytest
 from fogpipe.stage import is_stage
 from fogpipe.testing import check_stage
 
-SUBJECTS = ("airlight", "blur", "composite", "density", "haziness", "medium", "range", "sky")
+SUBJECTS = (
+    "airlight",
+    "blur",
+    "composite",
+    "density",
+    "depth",
+    "haziness",
+    "medium",
+    "range",
+    "refine",
+    "segments",
+    "sky",
+)
 STAGES = {
     stage.__stage__.name: stage
     for subject in SUBJECTS

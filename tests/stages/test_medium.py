@@ -76,7 +76,7 @@ def test_visibility_and_extinction_come_before_the_thickness():
 
 
 def test_two_answers_to_one_question_are_refused():
-    with pytest.raises(ValueError, match="visibility or extinction, not both"):
+    with pytest.raises(ValueError, match="visibility or extinction or weather, not two"):
         fog(np.array(10.0), visibility=50.0, extinction=0.1)
 
 
