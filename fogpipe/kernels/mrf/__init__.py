@@ -1,17 +1,21 @@
 """The Markov random field of Guo 2014: its energy, and solvers that say how far they may be from the least one.
 
-To add a solver, write a function that takes a :class:`Field` and gives a :class:`Solution`, and name it in
-:data:`SOLVERS`.
+To add a solver, write a function that takes a :class:`Field`, the gap at which it may stop and the largest number
+of passes, and gives a :class:`Solution`; name it in :data:`SOLVERS`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from fogpipe.kernels.mrf.chains import chains
 from fogpipe.kernels.mrf.columns import columns
 from fogpipe.kernels.mrf.energy import Cost, Field, Solution, energy
 
 __all__ = ["SOLVERS", "Cost", "Field", "Solution", "energy"]
 
-SOLVERS: dict[str, Callable[[Field], Solution]] = {"columns": columns}
+SOLVERS: dict[str, Callable[[Field, float, int], Solution]] = {
+    "chains": chains,
+    "columns": lambda field, target_gap, passes: columns(field),
+}
 """Solvers by the name that the stage gives them."""

@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.bands import in_bands
 
 
 class Cost(NamedTuple):
@@ -67,34 +68,28 @@ class Solution(NamedTuple):
 
 def energy(field: Field, labels: np.ndarray) -> float:
     """The energy of a labelling, in float64."""
-    chosen = labels.astype(np.float64)
-    data = np.abs(field.target - chosen * field.step).sum(dtype=np.float64)
-    below = _pairs(chosen[:-1] - chosen[1:], field.down[:-1], field.vertical)
-    beside = _pairs(chosen[:, :-1] - chosen[:, 1:], field.right[:, :-1], field.horizontal)
-    return float(data + below + beside)
-
-
-def _pairs(fallen: FloatArray, weight: FloatArray, cost: Cost) -> float:
-    each = np.where(fallen >= 0, cost.fall * fallen, cost.jump - cost.rise * fallen)
-    return float(np.sum(weight * each, dtype=np.float64))
+    height, width = labels.shape
+    sums = np.empty(height)
+    in_bands(_rows_of_energy, height, width, field, labels, sums)
+    return float(sums.sum())
 
 
 @njit(nogil=True, cache=True)
-def pass_on(held, weight, up, up_jump, down, down_jump, message):
-    """Min-sum message ``message[b] = min over a of held[a] + weight · cost(a → b)``, in O(labels).
+def _rows_of_energy(first, last, field, labels, sums):
+    height, width = labels.shape
+    for row in range(first, last):
+        total = 0.0
+        for column in range(width):
+            here = np.int64(labels[row, column])
+            total += abs(field.target[row, column] - here * field.step)
+            if row < height - 1:
+                total += field.down[row, column] * differ(field.vertical, here - labels[row + 1, column])
+            if column < width - 1:
+                total += field.right[row, column] * differ(field.horizontal, here - labels[row, column + 1])
+        sums[row] = total
 
-    Going up from a to b > a costs ``up_jump + up · (b − a)``, going down ``down_jump + down · (a − b)``.
-    """
-    labels = len(held)
-    up, up_jump, down, down_jump = weight * up, weight * up_jump, weight * down, weight * down_jump
-    least = held[0]
-    message[0] = held[0]
-    for b in range(1, labels):
-        least += up
-        message[b] = min(held[b], least + up_jump)
-        least = min(least, held[b])
-    least = held[labels - 1]
-    for b in range(labels - 2, -1, -1):
-        least += down
-        message[b] = min(message[b], least + down_jump)
-        least = min(least, held[b])
+
+@njit(nogil=True, cache=True)
+def differ(cost, fallen):
+    """The cost of an edge of weight 1 whose second label is lower than the first by ``fallen``."""
+    return cost.fall * fallen if fallen >= 0 else cost.jump - cost.rise * fallen
