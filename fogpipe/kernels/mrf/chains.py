@@ -41,7 +41,7 @@ def chains(field: Field, target_gap: float, passes: int) -> Solution:
         ascent.step(backwards=count % 2 == 0, momentum=MOMENTUM if count > FIRST_CHECK else 0.0)
         if count in (check, passes):
             check *= 4
-            best = _better(field, *ascent.labels_and_bound(), best)
+            best = _better(field, *dual_bound(field, ascent.dual), best)
             if best.gap <= target_gap:
                 return best
     return _improved(field, best)
@@ -73,7 +73,7 @@ class Ascent:
 
     def __init__(self, field: Field) -> None:
         self.field = field
-        self._target, self._down, self._right = map(_padded, (field.target, field.down, field.right))
+        self._target, self._down, self._right = (padded(map_, LANES) for map_ in (field.target, field.down, field.right))
         height, width = self._target.shape
         shape = (height // LANES, width // LANES, field.labels, LANES, LANES)
         self.dual = np.zeros(shape, self._target.dtype)
@@ -92,23 +92,25 @@ class Ascent:
         settings = np.array([SHARE_OF_ROWS], self.dual.dtype)
         in_bands(_rows_pass, bands, blocks * LANES**2, self.dual, self._right, *costs, settings, backwards)
 
-    def labels_and_bound(self) -> tuple[np.ndarray, float]:
-        """Best labels of each column under the dual, and the bound, in float64."""
-        bands, blocks = self.dual.shape[:2]
-        labels, bound = solve_columns(self.field, self.dual)
-        least = np.empty(bands)
-        against = costs_against(self.field.horizontal, np.float64)
-        in_bands(_rows_bound, bands, blocks * LANES**2, self.dual, self._right, against, least)
-        return labels, bound + float(least.sum())
-
     def _costs(self, cost: Cost, backwards: bool) -> tuple[np.ndarray, np.ndarray]:
         along, against = costs_along(cost, self.dual.dtype), costs_against(cost, self.dual.dtype)
         return (against, along) if backwards else (along, against)
 
 
-def _padded(array: np.ndarray) -> np.ndarray:
-    height, width = array.shape
-    return np.pad(array, ((0, -height % LANES), (0, -width % LANES)))
+def dual_bound(field: Field, dual: np.ndarray) -> tuple[np.ndarray, float]:
+    """Best labels of each column under a dual, and the bound that it proves, both in float64."""
+    bands, blocks = dual.shape[:2]
+    labels, bound = solve_columns(field, dual)
+    least = np.empty(bands)
+    against = costs_against(field.horizontal, np.float64)
+    in_bands(_rows_bound, bands, blocks * LANES**2, dual, padded(field.right, LANES), against, least)
+    return labels, bound + float(least.sum())
+
+
+def padded(array: np.ndarray, multiple: int) -> np.ndarray:
+    """The array with zeros below and on the right, so that its height and width are whole multiples."""
+    height, width = array.shape[:2]
+    return np.pad(array, ((0, -height % multiple), (0, -width % multiple), *[(0, 0)] * (array.ndim - 2)))
 
 
 @njit(nogil=True, cache=True)
