@@ -153,7 +153,8 @@ def field_of(
     down[:-1] = np.where(np.abs(np.diff(grey, axis=0)) * 255 < threshold, edge_weight, others)
     if reading != "site-order":
         right[:, :-1] = np.where(np.abs(np.diff(grey, axis=1)) * 255 < threshold, edge_weight, others)
-    ordered, even = Cost(smoothness, 0.0, violation), Cost(smoothness, smoothness, 0.0)
+    g, s = float(smoothness), float(violation)  # whole numbers would have the kernels compiled once more
+    ordered, even = Cost(g, 0.0, s), Cost(g, g, 0.0)
     target, step = grey * grey.dtype.type(omega * top), top / max(1, labels - 1)
     return Field(target, down, right, step, labels, ordered, ordered if reading == "all-edges" else even)
 
@@ -178,6 +179,6 @@ def _enlarged(transmission: FloatArray, image: FloatArray) -> FloatArray:
     coarse = cv2.resize(transmission.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
     cell = max(height / transmission.shape[0], width / transmission.shape[1])
     guide = np.clip(image, 0, 1).astype(np.float32)
-    radius = math.ceil(4 * cell)
-    smooth = cv2.ximgproc.guidedFilter(guide, coarse, radius, 1e-3, scale=max(1 / cell, 0.1))
+    # The radius counts cells, since the filter works on a grid of them. A variance of (0.01 of white)² is no edge.
+    smooth = cv2.ximgproc.guidedFilter(guide, coarse, 2, 1e-4, scale=1 / cell)
     return np.clip(smooth, 0, 1).astype(image.dtype)

@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from fogpipe.kernels.bands import in_bands
-from fogpipe.kernels.mrf.columns import improve_columns, solve_columns, transposed
+from fogpipe.kernels.mrf.columns import columns, improve_columns, solve_columns, transposed
 from fogpipe.kernels.mrf.energy import Cost, Field, Solution, energy
 from fogpipe.kernels.mrf.tiles import LANES, add, collect, costs_against, costs_along, pass_on
 
@@ -32,10 +32,16 @@ FIRST_CHECK = 2
 def chains(field: Field, target_gap: float, passes: int) -> Solution:
     """Labels and a bound that are at most ``target_gap`` apart, or the best of ``passes`` passes over all chains.
 
-    Labels are made after 2, 8, 32… passes and after the last.
+    Labels are made after 2, 8, 32… passes and after the last. They are never worse than one label everywhere.
     """
+    height, width = field.target.shape
+    if width == 1:
+        return columns(field)
+    if height == 1:
+        found = columns(transposed(field))
+        return found._replace(labels=found.labels.T)
     ascent = Ascent(field)
-    best = Solution(np.zeros(field.target.shape, np.uint8), np.inf, -np.inf)
+    best = _constant(field)
     check = FIRST_CHECK
     for count in range(1, passes + 1):
         ascent.step(backwards=count % 2 == 0, momentum=MOMENTUM if count > FIRST_CHECK else 0.0)
@@ -45,6 +51,13 @@ def chains(field: Field, target_gap: float, passes: int) -> Solution:
             if best.gap <= target_gap:
                 return best
     return _improved(field, best)
+
+
+def _constant(field: Field) -> Solution:
+    """The same label everywhere: the one nearest to the median, which is the point of least absolute distance."""
+    nearest = round(float(np.median(field.target)) / field.step)
+    labels = np.full(field.target.shape, min(max(nearest, 0), field.labels - 1), np.uint8)
+    return Solution(labels, energy(field, labels), 0.0)
 
 
 def _better(field: Field, labels: np.ndarray, bound: float, best: Solution) -> Solution:
@@ -73,7 +86,9 @@ class Ascent:
 
     def __init__(self, field: Field) -> None:
         self.field = field
-        self._target, self._down, self._right = (padded(map_, LANES) for map_ in (field.target, field.down, field.right))
+        self._target, self._down, self._right = (
+            padded(map_, LANES) for map_ in (field.target, field.down, field.right)
+        )
         height, width = self._target.shape
         shape = (height // LANES, width // LANES, field.labels, LANES, LANES)
         self.dual = np.zeros(shape, self._target.dtype)

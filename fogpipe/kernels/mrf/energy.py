@@ -22,6 +22,10 @@ from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 
 
+ROUNDING = 1e-9
+"""Energies that differ by less, in units of the data cost, are the same."""
+
+
 class Cost(NamedTuple):
     """What labels that differ cost along an edge of weight 1."""
 
@@ -53,7 +57,7 @@ class Field(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Labels (H, W) uint8, their energy, and a lower bound of every energy (−inf where a solver has none)."""
+    """Labels (H, W) uint8, their energy, and a lower bound of every energy (at least 0, since no cost is negative)."""
 
     labels: np.ndarray
     energy: float
@@ -61,9 +65,9 @@ class Solution(NamedTuple):
 
     @property
     def gap(self) -> float:
-        """How far the energy may be from the least one, as a share of it; inf without a bound."""
+        """How far the energy may be from the least one, as a share of it."""
         excess = self.energy - self.bound
-        return max(0.0, excess / self.energy) if self.energy > 0 else 0.0
+        return excess / self.energy if excess > ROUNDING else 0.0
 
 
 def energy(field: Field, labels: np.ndarray) -> float:

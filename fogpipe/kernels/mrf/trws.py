@@ -21,7 +21,7 @@ def trws(field: Field, target_gap: float, passes: int) -> Solution:
     down = np.zeros((height, width, field.labels), field.target.dtype)
     right = np.zeros_like(down)
     labels = np.zeros((height, width), np.uint8)
-    best = Solution(labels, np.inf, -np.inf)
+    best = Solution(labels, np.inf, 0.0)
     check = 2
     for count in range(1, passes + 1):
         _pass(field, down, right, labels, False)
