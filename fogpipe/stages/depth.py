@@ -15,6 +15,8 @@ from fogpipe.stage import stage
 SOLVED_AT = 240
 """Longer side at which cues are found, pixels."""
 
+CERTAIN_SKY = 0.6
+"""Likelihood from which a pixel counts as sky altogether."""
 LOWEST_SKY = 0.85
 """How low sky may reach where there is no vanishing point, as a share of the height."""
 
@@ -43,6 +45,7 @@ def from_photo(
     prominence: Annotated[float, Ge(0)] = 0.6,
     detail: Annotated[float, Gt(0), Le(1)] = 0.02,
     edge: Annotated[float, Gt(0)] = 0.03,
+    cap: Annotated[float, Gt(0), Unit("MP")] = 0.5,
 ) -> PhotoDepth:
     r"""Relative depth of one photograph, from its vanishing point, its sky and what stands out in it.
 
@@ -68,6 +71,7 @@ def from_photo(
     prominence : p, weight of the objects against the row.
     detail : Radius of the guided filter, as a share of the longer side.
     edge : Contrast in display values of an edge that the depth follows.
+    cap : Size at which the guided filter is solved, megapixels; its solution is applied to the full photo.
 
     Returns
     -------
@@ -102,7 +106,7 @@ def from_photo(
     rows, columns = display.shape[:2]
     levels = np.rint(cv2.cvtColor(display, cv2.COLOR_RGB2GRAY) * 255).astype(np.uint8)
     point = vanishing.vanishing_point(levels)
-    colour = cues.lab(_reduced(display, SOLVED_AT))
+    colour = cues.lab(cues.reduced(display, SOLVED_AT))
     flat = cues.smoothed(colour)
     lowest = point.confidence * (point.y + 0.03) + (1 - point.confidence) * LOWEST_SKY
     sky = cues.sky_likelihood(colour, flat, lowest)
@@ -113,8 +117,9 @@ def from_photo(
     standing = _unit(_row_nearness(*sky.shape) + np.float32(prominence) * cues.prominence(flat))
     nearness = cv2.resize(point.confidence * box + (1 - point.confidence) * standing, (columns, rows))
     radius = max(1, round(detail * max(rows, columns)))
-    nearness = np.clip(cv2.ximgproc.guidedFilter(display, nearness, radius, edge**2), 0, 1)
-    matte = cues.sky_matte(display, sky)
+    scale = min(1.0, (cap * 1e6 / (rows * columns)) ** 0.5)
+    nearness = np.clip(cv2.ximgproc.guidedFilter(display, nearness, radius, edge**2, scale=scale), 0, 1)
+    matte = cues.sky_matte(display, np.minimum(sky / np.float32(CERTAIN_SKY), 1))
     return PhotoDepth((1 - (1 - matte) * nearness).astype(np.result_type(image, np.float32)), matte > 0.5)
 
 
@@ -253,14 +258,6 @@ def _display_values(image: Image, encoding: str) -> FloatArray:
 
         image = srgb_from_linear(np.clip(image, 0, 1))
     return np.ascontiguousarray(np.clip(image, 0, 1), np.float32)
-
-
-def _reduced(display: FloatArray, longest: int) -> FloatArray:
-    import cv2
-
-    shrink = min(1.0, longest / max(display.shape[:2]))
-    size = [max(1, round(shrink * side)) for side in display.shape[1::-1]]
-    return np.asarray(cv2.resize(display, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _openness(sky: FloatArray, point: tuple[float, float, float]) -> float:

@@ -277,4 +277,6 @@ def thicken(
         factor = METRES_PER_KILOMETRE * extinction_from_visibility(visibility_of(weather), threshold)
     t, *rest = floats(*maps.values())
     power = t.dtype.type(1.0 if factor is None else factor)
-    return np.maximum(np.power(t, power * rest[0] if rest else power), t.dtype.type(floor))
+    thicker = np.maximum(np.power(t, power * rest[0] if rest else power), t.dtype.type(floor))
+    thicker[np.isnan(t)] = np.nan  # also to the power of 0
+    return thicker

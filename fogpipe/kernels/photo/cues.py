@@ -14,6 +14,15 @@ def lab(display: FloatArray) -> FloatArray:
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(display, np.float32), cv2.COLOR_RGB2Lab), np.float32)
 
 
+def reduced(picture: np.ndarray, longest: int) -> np.ndarray:
+    """The picture with the longer side at most ``longest`` pixels, and its dtype."""
+    import cv2
+
+    shrink = min(1.0, longest / max(picture.shape[:2]))
+    size = [max(1, round(shrink * side)) for side in picture.shape[1::-1]]
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if shrink < 1 else picture
+
+
 def smoothed(colour: FloatArray) -> FloatArray:
     """Texture and noise removed, edges kept: what borders of objects are measured on."""
     import cv2
@@ -73,7 +82,7 @@ def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
     beyond_noise = np.maximum(np.sqrt(np.einsum("ijk,ijk->ij", difference, difference)) - 3, 0)
     alike = np.exp(-((beyond_noise / 7) ** 2))
     matte = np.maximum(alike * fields[..., 4], fields[..., 3])
-    return np.clip(cv2.ximgproc.guidedFilter(display, matte, 2, 0.03**2), 0, 1)
+    return np.clip(cv2.ximgproc.guidedFilter(display, matte, 2, 0.01**2), 0, 1, dtype=np.float32)
 
 
 def prominence(flat: FloatArray) -> FloatArray:
@@ -85,8 +94,8 @@ def prominence(flat: FloatArray) -> FloatArray:
     seeds[[0, -1]] = True
     seeds[:, [0, -1]] = True
     distance = geodesic(flat, seeds, noise=3)
-    largest = np.percentile(distance, 95)
-    return np.minimum(distance / largest, 1, dtype=np.float32) if largest > 0 else np.zeros_like(distance)
+    largest = max(float(np.percentile(distance, 95)), 20.0)  # less is a plain photo, in which nothing stands out
+    return np.minimum(distance / np.float32(largest), 1)
 
 
 def geodesic(flat: FloatArray, seeds: np.ndarray, noise: float) -> FloatArray:

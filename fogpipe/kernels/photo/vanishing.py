@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.photo.cues import reduced
 
 LENGTH = 480
 """Longer side at which lines are sought, pixels: finer ones are texture."""
@@ -86,8 +87,7 @@ def _slanted_lines(grey: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     """Middle and direction, (N, 2), and length, (N,), of the lines, in heights from the middle; width over height."""
     import cv2
 
-    shrink = min(1.0, LENGTH / max(grey.shape))
-    small = cv2.resize(grey, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA) if shrink < 1 else grey
+    small = reduced(grey, LENGTH)
     rows, columns = small.shape
     found = None
     if min(small.shape) >= 8:  # the detector halves what it is given
