@@ -69,8 +69,8 @@ def mrf(
     threshold : Greys are similar if they differ by less than this many of 255 grey levels.
     scale : ``grey-levels`` has gᵢ and h in 0 … 255, as the pseudocode of the paper, to which its g, s and edge weight
         belong; ``unit`` has them in 0 … 1, as its eq. 3.
-    reading : ``vertical-order`` asks for the order on vertical edges only, since the paper argues with "directly above";
-        horizontal ones cost g |xᵢ − xⱼ|. ``all-edges`` uses V for both, with the left pixel as i, as the
+    reading : ``vertical-order`` asks for the order on vertical edges only, since the paper argues with "directly
+        above"; horizontal ones cost g |xᵢ − xⱼ|. ``all-edges`` uses V for both, with the left pixel as i, as the
         library that the paper used does with its table of costs. ``site-order`` has the edges of the printed pseudocode
         only, from each pixel to the one below and only between similar greys: a set of independent chains.
     solver : ``chains``, dual ascent over columns and rows; ``columns``, each column exactly and without its
@@ -100,8 +100,8 @@ def mrf(
     little, so that the order of eq. 5 and the sign of eq. 6 both hold. Eq. 6 as printed ends at 7/255, not at 0.
 
     Costs in O(pixels × labels) time per pass, and memory for ``chains``: two numbers per pixel and label, 79 MB at
-    640 × 480 with 32 labels, and about 30 MB more. The labels are the same to the bit for any number of threads. Messages
-    are computed in the precision of the image, energy and bound in float64.
+    640 × 480 with 32 labels, and about 30 MB more. The labels are the same to the bit for any number of threads.
+    Messages are computed in the precision of the image, energy and bound in float64.
 
     References
     ----------

@@ -20,7 +20,7 @@ from numba import njit
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.mrf.columns import columns, improve_columns, solve_columns, transposed
 from fogpipe.kernels.mrf.energy import Cost, Field, Solution, energy
-from fogpipe.kernels.mrf.tiles import LANES, add, collect, costs_against, costs_along, pass_on
+from fogpipe.kernels.mrf.tiles import LANES, add, collect, copy, costs_against, costs_along, pass_on
 
 SHARE_OF_COLUMNS, SHARE_OF_ROWS = 0.07, 0.2
 """Shares of the min-marginals that a pass hands over: the best of a coarse search on photographs at g = 0.5."""
@@ -164,7 +164,8 @@ def _columns_pass(first, last, dual, before, target, values, down, along, agains
     messages, work, least = np.empty_like(unary), np.empty((4 + 2 * labels, LANES), dual.dtype), np.empty(LANES)
     for block in range(first, last):
         columns = slice(block * LANES, (block + 1) * LANES)
-        weight[:] = down[:, columns]
+        for row in range(bands * LANES):
+            copy(down[row, columns], weight[row])
         for band in range(bands):
             rows = slice(band * LANES, (band + 1) * LANES)
             _extrapolate(dual[band, block], before[band, block], settings[1])
@@ -208,7 +209,7 @@ def _rows_pass(first, last, dual, right, along, against, settings, backwards):
     messages, work, least = np.empty_like(unary), np.empty((4 + 2 * labels, LANES), dual.dtype), np.empty(LANES)
     square = np.empty((LANES, LANES + 1), dual.dtype)
     for band in range(first, last):
-        weight[:] = right[band * LANES : (band + 1) * LANES].T
+        _weights_of_rows(right, band * LANES, weight)
         for block in range(blocks):
             _rows_in(dual[band, block], square, unary[block * LANES : (block + 1) * LANES])
         _hand_over(unary, weight, along, against, settings[0], backwards, work, messages, least)
@@ -241,13 +242,20 @@ def _rows_out(given, square, dual):
 
 
 @njit(nogil=True, cache=True)
+def _weights_of_rows(right, top, weight):
+    for n in range(LANES):
+        for column in range(weight.shape[0]):
+            weight[column, n] = right[top + n, column]
+
+
+@njit(nogil=True, cache=True)
 def _rows_bound(first, last, dual, right, against, bound):
     _, blocks, labels, _, _ = dual.shape
     unary, weight = np.empty((blocks * LANES, labels, LANES)), np.empty((blocks * LANES, LANES))
     messages, work, least = np.empty_like(unary), np.empty((4 + labels, LANES)), np.empty(LANES)
     square = np.empty((LANES, LANES + 1))
     for band in range(first, last):
-        weight[:] = right[band * LANES : (band + 1) * LANES].T
+        _weights_of_rows(right, band * LANES, weight)
         for block in range(blocks):
             _rows_in(dual[band, block], square, unary[block * LANES : (block + 1) * LANES])
         collect(unary, weight, against, False, work, messages, least)

@@ -7,7 +7,7 @@ from numba import njit
 
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.mrf.energy import Field, Solution, energy
-from fogpipe.kernels.mrf.tiles import LANES, collect, costs_against
+from fogpipe.kernels.mrf.tiles import LANES, collect, copy, costs_against
 
 
 def columns(field: Field) -> Solution:
@@ -126,7 +126,7 @@ def _add_edges(beside, cost, tile):
 
 @njit(nogil=True, cache=True)
 def _load(field, left, stride, lanes, unary, weight):
-    """Data costs and weights of the columns ``left``, ``left + stride``…; lanes that are left over stay without cost."""
+    """Data costs and weights of the columns ``left``, ``left + stride``…; lanes that are left over cost nothing."""
     height = field.target.shape[0]
     for row in range(height):
         for n in range(LANES):
@@ -154,6 +154,6 @@ def _choose(unary, messages, weight, cost, left, stride, lanes, chosen):
                 if total < best_cost[n]:
                     best_cost[n] = total
                     best[n] = k
-        above[:] = best
+        copy(best, above)
         for n in range(lanes):
             chosen[row, left + stride * n] = np.uint8(best[n])

@@ -21,7 +21,6 @@ from numba import njit
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 
-
 ROUNDING = 1e-9
 """Energies that differ by less, in units of the data cost, are the same."""
 

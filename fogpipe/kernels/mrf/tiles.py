@@ -24,6 +24,13 @@ def costs_against(cost, dtype):
 
 
 @njit(nogil=True, cache=True)
+def copy(source, target):
+    """``target = source`` for rows; assigning slices would compile numba's messages about their shapes, for seconds."""
+    for n in range(len(target)):
+        target[n] = source[n]
+
+
+@njit(nogil=True, cache=True)
 def add(one, other, total):
     """``total = one + other`` for tiles."""
     for k in range(one.shape[0]):
@@ -34,7 +41,7 @@ def add(one, other, total):
 @njit(nogil=True, cache=True)
 def lowest(tile, least):
     """The smallest cost of each lane."""
-    least[:] = tile[0]
+    copy(tile[0], least)
     for k in range(1, tile.shape[0]):
         for n in range(tile.shape[1]):
             least[n] = min(least[n], tile[k, n])
@@ -42,7 +49,7 @@ def lowest(tile, least):
 
 @njit(nogil=True, cache=True)
 def pass_on(held, weight, costs, work, message):
-    """Message ``message[b] = min over a of held[a] + weight · cost(a → b)``, in O(labels), and lowered by its value at 0.
+    """Message ``message[b] = min over a of held[a] + weight · cost(a → b)``, in O(labels), lowered by its value at 0.
 
     ``work`` is a scratch tile of four rows; its last row is what the message was lowered by.
     """
@@ -50,15 +57,15 @@ def pass_on(held, weight, costs, work, message):
     for n in range(LANES):
         slope[n] = weight[n] * costs[0]
         jump[n] = weight[n] * costs[1]
-    message[0] = held[0]
-    least[:] = held[0]
+    copy(held[0], message[0])
+    copy(held[0], least)
     _scan_up(held, least, slope, jump, message)
     for n in range(LANES):
         slope[n] = weight[n] * costs[2]
         jump[n] = weight[n] * costs[3]
-    least[:] = held[held.shape[0] - 1]
+    copy(held[held.shape[0] - 1], least)
     _scan_down(held, least, slope, jump, message)
-    taken[:] = message[0]
+    copy(message[0], taken)
     _lower(message, taken)
 
 

@@ -1,7 +1,8 @@
-"""Sequential tree-reweighted message passing (Kolmogorov 2006), for comparison. One thread: each pixel waits for the last.
+"""Sequential tree-reweighted message passing (Kolmogorov 2006), for comparison.
 
-The trees are the rows and the columns of the grid. Messages run along single edges in the order of the pixels, so that what a long column with a hard order knows
-travels one averaging at a time; that is why :mod:`fogpipe.kernels.mrf.chains` needs far fewer passes here.
+The trees are the rows and the columns of the grid. Messages run along single edges in the order of the pixels, so that
+what a long column with a hard order knows travels one averaging at a time; that is why
+:mod:`fogpipe.kernels.mrf.chains` needs far fewer passes here. One thread: each pixel waits for the last.
 """
 
 from __future__ import annotations
@@ -98,7 +99,9 @@ def _send(every, share, weight, cost, to_first, held, message):
         least += weight * down
         message[b] = min(message[b], least + weight * down_jump)
         least = min(least, held[b])
-    message -= message.min()
+    lowest = message.min()
+    for b in range(labels):
+        message[b] -= lowest
 
 
 @njit(nogil=True, cache=True)
