@@ -19,6 +19,8 @@ SUBJECTS = {
     "haze": "fogpipe.bench.haze",
     "blur": "fogpipe.bench.blur",
     "density": "fogpipe.bench.density",
+    "mrf": "fogpipe.bench.mrf",
+    "photo": "fogpipe.bench.photo",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 

@@ -43,7 +43,7 @@ def mean_shift(
     -----
     OpenCV's pyramid mean shift. Its time grows with the square of the bandwidth and with the pixels up to the cap: at
     the default a photo of 640×480 takes about a seventh of the time of full resolution (``cap=1``), from which the
-    result differs by 0.04, root mean square (texture that the reduction averages away).
+    result differs by 0.02, root mean square (thin masts and lamps, which the reduction averages away).
 
     References
     ----------

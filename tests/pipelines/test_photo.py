@@ -39,8 +39,8 @@ def test_one_photo_is_all_that_it_needs(pipeline: str):
 def test_every_grade_of_weather_has_less_contrast_and_more_airlight_than_the_clearer_one(pipeline: str, name: str):
     """Guo 2014, Table 1 and Figure 8, without the floor t₀, at which dense fogs are alike.
 
-    Contrast is Koschmieder's, |J − A| / A against the airlight. That between two surfaces may grow with the fog, where a
-    dark one stands before the white of a night sky in fog.
+    Contrast is Koschmieder's, |J − A| / A against the airlight. That between two surfaces may grow with the fog, where
+    a dark one stands before the white of a night sky in fog.
     """
     contrasts, shares = [], []
     for weather in GRADES:
