@@ -62,17 +62,17 @@ def mean_shift_seconds(image: np.ndarray) -> float:
 def solvers(quick: bool) -> dict[str, Solve]:
     """Every solver with several numbers of passes; α-expansion where its package is installed, if there is time."""
     passes = {"chains": (1, 2, 4, 8) if quick else (1, 2, 4, 8, 16, 32), "trws": (2, 8) if quick else (4, 32)}
-    ways: dict[str, Solve] = {
-        f"{name} {count}": partial(SOLVERS[name], target_gap=0.0, passes=count)
-        for name, counts in passes.items()
-        for count in counts
-    }
-    ways |= {"columns": partial(SOLVERS["columns"], target_gap=0.0, passes=1)}
-    ways |= {"icm": partial(SOLVERS["icm"], target_gap=0.0, passes=50)}
+    ways = {f"{name} {count}": with_passes(name, count) for name, counts in passes.items() for count in counts}
+    ways |= {"columns": with_passes("columns", 1), "icm": with_passes("icm", 50)}
     if not quick and importlib.util.find_spec("fogpipe_graphcut"):
         expand_all = importlib.import_module("fogpipe_graphcut.expansion").expand_all
         ways |= {"expansion": lambda field: expand_all(field, 1)}
     return ways
+
+
+def with_passes(name: str, count: int) -> Solve:
+    """A solver that stops after so many passes, whatever its gap."""
+    return lambda field: SOLVERS[name](field, 0.0, count)
 
 
 def compared(

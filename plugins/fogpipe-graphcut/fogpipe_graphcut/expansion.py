@@ -50,7 +50,7 @@ def expansion(
 
     Notes
     -----
-    Slow: about 0.3 s for each label and round at 640 × 480. Reduce large photos first. One thread.
+    Slow: about 0.15 s for each label and round at 640 × 480. Reduce large photos first. One thread.
 
     References
     ----------
