@@ -86,10 +86,10 @@ def from_photo(
 
     Notes
     -----
-    Cues are found on at most 240 pixels a side; only the edges are sought on all of them: in all about
-    0.4 µs and 120 B per pixel, and 0.1 s for the cues. No learning is involved: people, animals and furniture have the depth of their row, and what the photo leaves open
-    (a wall of one colour from the upper edge down) may be taken for sky. For a learned depth see the plugin pack
-    ``fogpipe-onnx``.
+    Cues are found on at most 240 pixels a side; only edges are sought on all pixels: in all about 0.4 µs and 120 B
+    per pixel, and 0.1 s for the cues. No learning is involved: people, animals and furniture have the depth of their
+    row, and what the photo leaves open (a wall of one colour from the upper edge down) may be taken for sky. For a
+    learned depth see the plugin pack ``fogpipe-onnx``.
 
     Deviates from the paper, whose depth is the grey value (``haziness.mrf``): bright is not far.
 

@@ -79,10 +79,9 @@ def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
     fields = cv2.resize(np.dstack([beside, inner, outer]), (columns, rows))
     difference = lab(display)
     difference -= fields[..., :3]
-    beyond_noise = np.maximum(np.sqrt(np.einsum("ijk,ijk->ij", difference, difference)) - 3, 0)
-    alike = np.exp(-((beyond_noise / 7) ** 2))
-    matte = np.maximum(alike * fields[..., 4], fields[..., 3])
-    return np.clip(cv2.ximgproc.guidedFilter(display, matte, 2, 0.01**2), 0, 1, dtype=np.float32)
+    beyond_noise = np.maximum(np.sqrt(np.einsum("ijk,ijk->ij", difference, difference)) - 6, 0)
+    alike = np.exp(-((beyond_noise / 9) ** 2))
+    return np.clip(np.maximum(alike * fields[..., 4], fields[..., 3]), 0, 1)
 
 
 def prominence(flat: FloatArray) -> FloatArray:
