@@ -20,6 +20,8 @@ SUBJECTS = {
     "blur": "fogpipe.bench.blur",
     "apsf": "fogpipe.bench.apsf",
     "density": "fogpipe.bench.density",
+    "mrf": "fogpipe.bench.mrf",
+    "photo": "fogpipe.bench.photo",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 

@@ -33,8 +33,9 @@ def time_against_error(rows: Sequence[Row], case: str) -> str:
         x = MARGIN + across.share(error) * (WIDTH - 2 * MARGIN)
         return round(x, 1), round(HEIGHT - MARGIN - up.share(ratio) * (HEIGHT - 2 * MARGIN), 1)
 
-    parts = [_text(WIDTH / 2, 28, case, "middle", 16), _text(WIDTH / 2, HEIGHT - 16, "RMS error", "middle")]
-    parts.append(_text(12, 50, f"time / {next(row.yardstick for row in rows if row.case == case)}"))
+    first = next(row for row in rows if row.case == case)
+    parts = [_text(WIDTH / 2, 28, case, "middle", 16), _text(WIDTH / 2, HEIGHT - 16, first.measure, "middle")]
+    parts.append(_text(12, 50, f"time / {first.yardstick}"))
     for decade in across.decades():
         x, _ = place(decade, up.low)
         parts += [

@@ -23,6 +23,7 @@ class Row:
     error : root-mean-square difference from the reference; None where there is none.
     largest_error : largest difference.
     note : what a reader must know.
+    measure : what the error is.
     """
 
     case: str
@@ -33,6 +34,7 @@ class Row:
     error: float | None = None
     largest_error: float | None = None
     note: str = ""
+    measure: str = "RMS error"
 
 
 def as_json(rows: Sequence[Row]) -> str:
@@ -51,7 +53,7 @@ def as_csv(rows: Sequence[Row]) -> str:
 
 def as_text(rows: Sequence[Row]) -> str:
     """The rows as an aligned table for people."""
-    header = ("case", "way", "ms", "ratio", "rms error", "largest", "note")
+    header = ("case", "way", "ms", "ratio", "error", "largest", "note")
     cells: list[tuple[str, ...]] = [header]
     for row in rows:
         ratio = "" if row.ratio is None else f"{row.ratio:.3g}"

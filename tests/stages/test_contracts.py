@@ -14,11 +14,15 @@ SUBJECTS = (
     "blur",
     "composite",
     "density",
+    "depth",
+    "haziness",
     "layers",
     "medium",
     "participating",
     "range",
+    "refine",
     "scattering",
+    "segments",
     "sky",
 )
 STAGES = {
