@@ -13,15 +13,14 @@ from fogpipe.io.images import write_image
 from fogpipe.io.scenes import open_scene
 from fogpipe.kernels.perlin import field
 from fogpipe.kernels.scattering import measured, pixels, profiles
-from fogpipe.stages.composite import attenuate, over_airlight
+from fogpipe.stages.composite import attenuate, naive, over_airlight
 from fogpipe.stages.density import along_rays
-from fogpipe.stages.medium import transmission as beer_lambert
-from fogpipe.stages.scattering import apsf, glow
-from fogpipe.stages.composite import naive
 from fogpipe.stages.depth import from_photo, from_transmission
 from fogpipe.stages.haziness import mrf
 from fogpipe.stages.medium import thicken
+from fogpipe.stages.medium import transmission as beer_lambert
 from fogpipe.stages.refine import bilateral
+from fogpipe.stages.scattering import apsf, glow
 from fogpipe.stages.segments import mean_shift
 
 FOLDER = Path(__file__).parent / "pictures"
@@ -142,6 +141,8 @@ def lamps(thicknesses: tuple[float, ...] = (1.2, 2.0, 4.0)) -> None:
 
 def _photograph(name: str) -> np.ndarray:
     return open_scene(f"sample:{name}").load("linear", ["image"]).values["image"]
+
+
 def photo_fog(visibilities: tuple[float, ...] = (1000, 300, 100)) -> None:
     """A night photograph without depth, and fog on it by visibility, in the light of street lamps."""
     values = open_scene("sample:rocket").load("linear").values
