@@ -64,6 +64,33 @@ def require_nonnegative(**maps: np.ndarray) -> None:
             raise ValueError(f"{name} is negative at {count} pixels (smallest {smallest:g}); mark unknown ones as NaN.")
 
 
+def require_finite(**maps: np.ndarray) -> None:
+    """Refuse arrays with a NaN or an infinity. Costs two passes at the speed of memory.
+
+    Raises
+    ------
+    ValueError
+        Names the array and how many of its values are not finite.
+    """
+    for name, array in maps.items():
+        if not (np.isfinite(array.min()) and np.isfinite(array.max())):  # which are NaN where there is one
+            count = array.size - np.count_nonzero(np.isfinite(array))
+            raise ValueError(f"{name} is NaN or infinite at {count} of {array.size} values; check what made it.")
+
+
+def require_finite(**maps: np.ndarray) -> None:
+    """Refuse arrays that hold NaN or infinity; costs one pass and a mask.
+
+    Raises
+    ------
+    ValueError
+        Names the array and how many of its values are not finite.
+    """
+    for name, array in maps.items():
+        if count := array.size - np.count_nonzero(np.isfinite(array)):
+            raise ValueError(f"{name} is NaN or infinite at {count} of {array.size} values: replace them first.")
+
+
 def _size(array: np.ndarray) -> str:
     height, width = array.shape[:2]
     return f"{width} × {height}"

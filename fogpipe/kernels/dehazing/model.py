@@ -1,0 +1,74 @@
+"""The haze equation I = t·L + (1 − t)·B read backwards, and what L ≥ 0 says about t."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from fogpipe.kernels.arrays import FloatArray, floats, require_maps
+from fogpipe.kernels.bands import in_bands
+
+
+def lower_bound(image: np.ndarray, airlight: np.ndarray, floor: float, lift: float = 0.0) -> FloatArray:
+    """Least transmission that leaves no channel of the scene negative, max(1 − min_c (I_c + lift) / B_c, floor).
+
+    Parameters
+    ----------
+    image : (H, W, 3) float.
+    airlight : (3,) or (H, W, 3) float, 0 or more. A channel without airlight bounds nothing and is passed over.
+    floor : in (0, 1].
+    lift : added to the image first, so that the least of three noisy channels is no longer too small on average.
+
+    Returns
+    -------
+    (H, W) float in [floor, 1]; ``floor`` where no channel has airlight, or one is brighter than it.
+    """
+    image, field = image_and_field(image, airlight)
+    bound = np.empty(image.shape[:2], image.dtype)
+    in_bands(_lower_bound, *bound.shape, image, field, image.dtype.type(floor), image.dtype.type(lift), bound)
+    return bound
+
+
+def invert(image: np.ndarray, airlight: np.ndarray, transmission: np.ndarray, floor: float) -> FloatArray:
+    """Scene radiance B + (I − B) / max(t, floor), shape (H, W, 3), unclipped."""
+    image, field = image_and_field(image, airlight)
+    require_maps(image=(image, 3), transmission=(transmission, 1))
+    _, transmission = floats(image, transmission)
+    scene = np.empty_like(image)
+    in_bands(_invert, *transmission.shape, image, field, transmission, image.dtype.type(floor), scene)
+    return scene
+
+
+def image_and_field(image: np.ndarray, airlight: np.ndarray) -> tuple[FloatArray, ...]:
+    """Both in one precision, the airlight as (H, W, 3), or as (1, 1, 3) when it is the same everywhere."""
+    require_maps(image=(image, 3))
+    if airlight.shape == (3,):
+        airlight = airlight.reshape(1, 1, 3)
+    else:
+        require_maps(image=(image, 3), airlight=(airlight, 3))
+    return floats(image, airlight)
+
+
+@njit(nogil=True, cache=True)
+def _lower_bound(first, last, image, field, floor, lift, bound):
+    varies = field.size > 3
+    one = image.dtype.type(1)
+    for y in range(first, last):
+        for x in range(image.shape[1]):
+            least = one
+            for c in range(3):
+                airlight = field[y, x, c] if varies else field[0, 0, c]
+                if airlight > 0:
+                    least = min(least, (image[y, x, c] + lift) / airlight)
+            bound[y, x] = min(max(one - least, floor), one)
+
+
+@njit(nogil=True, cache=True)
+def _invert(first, last, image, field, transmission, floor, scene):
+    varies = field.size > 3
+    for y in range(first, last):
+        for x in range(image.shape[1]):
+            t = max(transmission[y, x], floor)
+            for c in range(3):
+                airlight = field[y, x, c] if varies else field[0, 0, c]
+                scene[y, x, c] = airlight + (image[y, x, c] - airlight) / t
