@@ -78,19 +78,6 @@ def require_finite(**maps: np.ndarray) -> None:
             raise ValueError(f"{name} is NaN or infinite at {count} of {array.size} values; check what made it.")
 
 
-def require_finite(**maps: np.ndarray) -> None:
-    """Refuse arrays that hold NaN or infinity; costs one pass and a mask.
-
-    Raises
-    ------
-    ValueError
-        Names the array and how many of its values are not finite.
-    """
-    for name, array in maps.items():
-        if count := array.size - np.count_nonzero(np.isfinite(array)):
-            raise ValueError(f"{name} is NaN or infinite at {count} of {array.size} values: replace them first.")
-
-
 def _size(array: np.ndarray) -> str:
     height, width = array.shape[:2]
     return f"{width} × {height}"
