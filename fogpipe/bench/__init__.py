@@ -19,6 +19,7 @@ SUBJECTS = {
     "haze": "fogpipe.bench.haze",
     "blur": "fogpipe.bench.blur",
     "dehaze": "fogpipe.bench.dehaze",
+    "airlight": "fogpipe.bench.airlight",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 
