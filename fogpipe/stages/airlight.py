@@ -19,6 +19,7 @@ from fogpipe.stage import stage
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of linear red, green and blue in luminance (ITU-R BT.709)."""
 Share = Annotated[float, Gt(0), Le(1)]
+Fraction = Annotated[float, Ge(0), Le(1)]
 Side = Annotated[int, Ge(1), Unit("px")]
 
 
@@ -246,7 +247,7 @@ def scribble(
     image: Image,
     scribble: Mask | None = None,
     *,
-    points: tuple[tuple[float, float], ...] = (),
+    points: tuple[tuple[Fraction, Fraction], ...] = ((0.5, 0.0),),
     radius: Annotated[float, Ge(0), Unit("px")] = 5.0,
 ) -> AirlightEstimate:
     """Airlight as the colour where a user has marked haze, by a brush or by points.
@@ -255,7 +256,8 @@ def scribble(
     ----------
     image : (H, W, 3) float, hazy.
     scribble : (H, W) bool, optional. The marked pixels.
-    points : (column, row) of further marks, pixels from the first one.
+    points : Used where nothing is scribbled: (across, down) as shares of width and height, from (0, 0) at the upper
+        left to (1, 1). By default the middle of the upper border, where outdoor pictures have their sky.
     radius : Of a point.
 
     Returns
@@ -266,16 +268,19 @@ def scribble(
     Raises
     ------
     ValueError
-        If nothing is marked within the image, the sizes differ, or a value is NaN or infinite.
+        If nothing is marked, the sizes differ, or a value is NaN or infinite.
     """
     require_maps(image=(image, 3), **({} if scribble is None else {"scribble": (scribble, 1)}))
     image = _hazy(image)
-    marked = np.zeros(image.shape[:2], bool) if scribble is None else scribble.copy()
-    rows, columns = np.ogrid[: marked.shape[0], : marked.shape[1]]
-    for column, row in points:
-        marked |= (columns - column) ** 2 + (rows - row) ** 2 <= radius**2
+    marked = scribble
+    if marked is None or not marked.any():
+        marked = np.zeros(image.shape[:2], bool)
+        rows, columns = np.ogrid[: marked.shape[0], : marked.shape[1]]
+        for across, down in points:
+            column, row = round(across * (marked.shape[1] - 1)), round(down * (marked.shape[0] - 1))
+            marked |= (columns - column) ** 2 + (rows - row) ** 2 <= radius**2
     if not marked.any():
-        raise ValueError("nothing in the image is marked as haze: give a scribble, or points (column, row) within it.")
+        raise ValueError("nothing is marked as haze: give a scribble or points.")
     return _of(image[marked])
 
 

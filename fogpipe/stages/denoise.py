@@ -90,27 +90,19 @@ def wavelet(image: Image, *, sigma: Annotated[float, Ge(0)] | None = None) -> Im
 
     Notes
     -----
-    scikit-image's, with the thresholds of BayesShrink and soft shrinkage, averaged over four shifts of the image
-    against blocking: about 1 µs per pixel.
+    scikit-image's, by PyWavelets, with the thresholds of BayesShrink and soft shrinkage: about 0.2 µs per pixel.
 
     References
     ----------
-    Chang, Yu and Vetterli 2000, *Adaptive wavelet thresholding for image denoising and compression*; Coifman and
-    Donoho 1995, *Translation-invariant de-noising*.
+    Chang, Yu and Vetterli 2000, *Adaptive wavelet thresholding for image denoising and compression*.
     """
-    from skimage.restoration import cycle_spin, denoise_wavelet
+    from skimage.restoration import denoise_wavelet
 
     image, deviation = _with_deviation(image, sigma)
     if deviation == 0:
         return image.copy()
-    spun = cycle_spin(
-        image,
-        func=denoise_wavelet,
-        max_shifts=(1, 1, 0),
-        func_kw={"sigma": deviation, "channel_axis": 2, "method": "BayesShrink", "rescale_sigma": False},
-        num_workers=1,
-    )
-    return np.asarray(spun, image.dtype)
+    shrunk = denoise_wavelet(image, sigma=deviation, channel_axis=2, method="BayesShrink", rescale_sigma=False)
+    return np.asarray(shrunk, image.dtype)
 
 
 @stage("denoise.total_variation", identity_when=_no_noise)
@@ -119,7 +111,7 @@ def total_variation(
     transmission: Transmission | None = None,
     *,
     sigma: Annotated[float, Ge(0)] | None = None,
-    strength: Annotated[float, Ge(0)] = 15.0,
+    strength: Annotated[float, Ge(0)] = 20.0,
     iterations: Annotated[int, Ge(1)] = 100,
 ) -> Image:
     r"""Denoise by total variation, more where the transmission is low.
@@ -145,8 +137,8 @@ def total_variation(
 
     Notes
     -----
-    About 20 ns per pixel and iteration on one core. What 100 iterations leave of the way to the minimum is below
-    0.005 RMS at noise of 10/255 and t above 0.05.
+    About 20 ns per pixel and iteration on one core. With noise of 10/255, 100 iterations come within 3e-4 (RMS) of the
+    minimum, and within 0.01 where t falls to 0.05.
 
     References
     ----------

@@ -9,7 +9,20 @@ import pytest
 from fogpipe.stage import is_stage
 from fogpipe.testing import check_stage
 
-SUBJECTS = ("airlight", "blur", "composite", "haze", "medium", "range", "restore", "sky")
+SUBJECTS = (
+    "airlight",
+    "blur",
+    "composite",
+    "denoise",
+    "haze",
+    "medium",
+    "metric",
+    "noise",
+    "prior",
+    "range",
+    "restore",
+    "sky",
+)
 STAGES = {
     stage.__stage__.name: stage
     for subject in SUBJECTS
