@@ -11,6 +11,7 @@ import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -53,17 +54,17 @@ def local_tv(scene: HazyScene) -> tuple[FloatArray, FloatArray]:
     return denoise.total_variation(noisy, np.maximum(t, np.float32(0.1))), t
 
 
-def denoise_before(scene: HazyScene) -> tuple[FloatArray, FloatArray]:
-    """Non-local means, then dark channel and inversion."""
-    quiet = denoise.nonlocal_means(scene.hazy)
+def denoise_before(denoiser: Callable[[FloatArray], FloatArray], scene: HazyScene) -> tuple[FloatArray, FloatArray]:
+    """A denoiser, then dark channel and inversion."""
+    quiet = denoiser(scene.hazy)
     t = prior.dark_channel(quiet, scene.airlight)
     return restore.invert(quiet, scene.airlight, t), t
 
 
-def denoise_after(scene: HazyScene) -> tuple[FloatArray, FloatArray]:
-    """Dark channel and inversion, then non-local means."""
+def denoise_after(denoiser: Callable[[FloatArray], FloatArray], scene: HazyScene) -> tuple[FloatArray, FloatArray]:
+    """Dark channel and inversion, then a denoiser."""
     noisy, t = dark_channel(scene)
-    return denoise.nonlocal_means(noisy), t
+    return denoiser(noisy), t
 
 
 METHODS: dict[str, Method] = {
@@ -72,8 +73,10 @@ METHODS: dict[str, Method] = {
     "dark channel": dark_channel,
     "boundary constraint": boundary_constraint,
     "local TV": local_tv,
-    "denoise before": denoise_before,
-    "denoise after": denoise_after,
+    "non-local means before": partial(denoise_before, denoise.nonlocal_means),
+    "non-local means after": partial(denoise_after, denoise.nonlocal_means),
+    "TV before": partial(denoise_before, denoise.total_variation),
+    "TV after": partial(denoise_after, denoise.total_variation),
 }
 """Every method of the experiment by name."""
 
@@ -102,7 +105,7 @@ def compare(scenes: Iterator[HazyScene], methods: dict[str, Method] = METHODS) -
             restored, transmission = method(scene)
             seconds = time.perf_counter() - started
             case = f"{scene.name}, {_weather(scene.thickness, scene.noise)}"
-            ratio = None if method is untouched else seconds / yardstick
+            seconds, ratio = (0.0, None) if method is untouched else (seconds, seconds / yardstick)
             yield Row(case, way, seconds, ratio, YARDSTICK, scores=score(scene, restored, transmission))
 
 

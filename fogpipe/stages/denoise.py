@@ -11,6 +11,9 @@ from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_m
 from fogpipe.ports import Image, Transmission
 from fogpipe.stage import stage
 
+LEAST_SIDE = 4
+"""Pixels; in a smaller picture noise cannot be told from what it shows."""
+
 
 def _no_noise(sigma: float | None) -> str | None:
     """skipped when σ = 0"""
@@ -38,7 +41,8 @@ def nonlocal_means(
 
     Returns
     -------
-    (H, W, 3) float32, or float64 for a float64 image. An image in which no noise is found stays as it is.
+    (H, W, 3) float32, or float64 for a float64 image. An image in which no noise is found, or of less than 4
+        pixels in a direction, stays as it is.
 
     Raises
     ------
@@ -81,7 +85,8 @@ def wavelet(image: Image, *, sigma: Annotated[float, Ge(0)] | None = None) -> Im
 
     Returns
     -------
-    (H, W, 3) float32, or float64 for a float64 image. An image in which no noise is found stays as it is.
+    (H, W, 3) float32, or float64 for a float64 image. An image in which no noise is found, or of less than 4
+        pixels in a direction, stays as it is.
 
     Raises
     ------
@@ -128,7 +133,8 @@ def total_variation(
 
     Returns
     -------
-    (H, W, 3) float32, or float64 for a float64 image. An image in which no noise is found stays as it is.
+    (H, W, 3) float32, or float64 for a float64 image. An image in which no noise is found, or of less than 4
+        pixels in a direction, stays as it is.
 
     Raises
     ------
@@ -163,11 +169,11 @@ def _with_deviation(
     require_maps(image=(image, 3))
     require_finite(image=image)
     (image,) = floats(image)
+    if min(image.shape[:2]) < LEAST_SIDE:
+        return image, 0.0
     if sigma is not None:
         return image, sigma
     from skimage.restoration import estimate_sigma
 
-    if min(image.shape[:2]) < 4:
-        return image, 0.0  # too small to tell noise from picture
     noisy = image if transmission is None else image * transmission[..., None]
     return image, float(estimate_sigma(noisy, channel_axis=2, average_sigmas=True))

@@ -66,11 +66,12 @@ def dark_channel(
     """
     import cv2
 
-    require_haze(image, airlight)
-    haziness = least_ratio(image, airlight)
-    t = 1 - np.float32(strength) * cv2.erode(haziness, np.ones((patch, patch), np.uint8))
+    from fogpipe.kernels.dehazing.model import lower_bound
+
+    picture = _picture(image, airlight)
+    clearest = cv2.dilate(lower_bound(picture, airlight, floor=0), np.ones((patch, patch), np.uint8))
+    t = 1 - np.float32(strength) * (1 - clearest)
     if guide != "none":
-        picture = np.asarray(image, np.float32, order="C")
         if guide == "grey":
             picture = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
         t = cv2.ximgproc.guidedFilter(picture, t, radius, smoothness)
@@ -84,7 +85,7 @@ def boundary_constraint(
     *,
     darkest: Annotated[float, Ge(0)] = 20 / 255,
     brightest: Annotated[float, Gt(0)] = 300 / 255,
-    patch: Patch = 3,
+    patch: Patch = 15,
     fidelity: Annotated[float, Gt(0)] = 2.0,
     deviation: Annotated[float, Gt(0)] = 0.5,
 ) -> Transmission:
@@ -131,13 +132,13 @@ def boundary_constraint(
     import cv2
 
     from fogpipe.kernels.dehazing.contextual import smooth
+    from fogpipe.kernels.dehazing.model import image_and_field
 
-    require_haze(image, airlight)
-    image32, airlight = np.asarray(image, np.float32, order="C"), np.asarray(airlight, np.float32)
-    below, above = _headroom(airlight - np.float32(darkest)), _headroom(np.float32(brightest) - airlight)
-    bound = np.minimum(np.maximum((airlight - image32) / below, (image32 - airlight) / above).max(axis=2), 1)
+    picture, field = image_and_field(_picture(image, airlight), airlight)
+    below, above = _headroom(field - np.float32(darkest)), _headroom(np.float32(brightest) - field)
+    bound = np.minimum(np.maximum((field - picture) / below, (picture - field) / above).max(axis=2), 1)
     closed = cv2.morphologyEx(bound, cv2.MORPH_CLOSE, np.ones((patch, patch), np.uint8))
-    return _like(image, np.clip(smooth(closed, image32, fidelity, deviation), 0, 1))
+    return _like(image, np.clip(smooth(closed, picture, fidelity, deviation), 0, 1))
 
 
 @stage("prior.local_tv")
@@ -145,11 +146,11 @@ def local_tv(
     image: Image,
     airlight: Airlight,
     *,
-    strength: Annotated[float, Gt(0)] = 1.0,
+    strength: Annotated[float, Gt(0)] = 1000.0,
     deviation: Annotated[float, Gt(0)] = 0.05,
     blur: Annotated[float, Ge(0), Unit("px")] = 1.0,
     floor: Annotated[float, Gt(0), Le(1)] = 0.05,
-    iterations: Annotated[int, Ge(1)] = 200,
+    iterations: Annotated[int, Ge(1)] = 400,
 ) -> Transmission:
     r"""Transmission by local total variation in place of the non-local term of Yan 2013.
 
@@ -160,7 +161,7 @@ def local_tv(
     ----------
     image : (H, W, 3) float, the hazy image I.
     airlight : (3,) or (H, W, 3) float, B. A channel without airlight is passed over.
-    strength : λ.
+    strength : λ. Found, as σ, on procedural scenes: by it bright things take the transmission of their surroundings.
     deviation : σ, the step of grey at which an edge of the image counts as one of the transmission.
     blur : Standard deviation of a blur of the image, against noise, before v and g are read from it.
     floor : ε, the least transmission of the bound.
@@ -187,13 +188,13 @@ def local_tv(
     """
     import cv2
 
+    from fogpipe.kernels.dehazing.model import lower_bound
     from fogpipe.kernels.dehazing.total_variation import total_variation
 
-    require_haze(image, airlight)
-    picture = np.asarray(image, np.float32, order="C")
+    picture = _picture(image, airlight)
     if blur:
         picture = cv2.GaussianBlur(picture, (0, 0), blur, borderType=cv2.BORDER_REFLECT)
-    bound = np.log(np.clip(1 - least_ratio(picture, airlight), floor, 1))[..., None]
+    bound = np.log(lower_bound(picture, airlight, floor))[..., None]
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     down, right = np.diff(grey, axis=0, append=grey[-1:]), np.diff(grey, axis=1, append=grey[:, -1:])
     edge = np.exp((down**2 + right**2) / np.float32(-2 * deviation**2))
@@ -201,12 +202,10 @@ def local_tv(
     return _like(image, np.clip(np.exp(depth[..., 0]), floor, 1))
 
 
-def least_ratio(image: Image, airlight: Airlight) -> FloatArray:
-    """The least of the channels of the image relative to the airlight, (H, W) float32; those without airlight are left out."""
-    airlight = np.asarray(airlight, np.float32)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(airlight > 0, np.asarray(image, np.float32) / airlight, np.inf)
-    return ratio.min(axis=2)
+def _picture(image: Image, airlight: Airlight) -> FloatArray:
+    """The image as OpenCV takes it, once it is known to show haze."""
+    require_haze(image, airlight)
+    return np.asarray(image, np.float32, order="C")
 
 
 def _headroom(difference: FloatArray) -> FloatArray:
