@@ -11,7 +11,9 @@ import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -136,6 +138,27 @@ def means(rows: Sequence[Row]) -> Iterator[Row]:
             YARDSTICK,
             scores={name: statistics.fmean(row.scores[name] for row in members) for name in members[0].scores},
         )
+
+
+def draw(folder: Path, quick: bool) -> None:
+    """A sheet for each scene at η 2 and σ 10: truth, hazy input and what every method makes of it, with its scores."""
+    from fogpipe.io.sheet import Tile, tile, write_sheet
+    from fogpipe.ports import known_kinds
+
+    image = known_kinds()["Image"]
+
+    def picture(name: str, pixels: FloatArray, caption: str) -> Tile:
+        return replace(tile(name, image, pixels, "srgb"), caption=caption, marks=())
+
+    names, size = (REPORTED[:2], (320, 240)) if quick else (REPORTED, (640, 480))
+    for scene in hazy_scenes(names, (2.0,), (10.0,), size):
+        tiles = [picture("truth", scene.clear, "")]
+        for way, method in METHODS.items():
+            restored, transmission = method(scene)
+            scores = score(scene, restored, transmission)
+            tiles.append(picture(way, restored, f"{scores['PSNR']:.1f} dB, SSIM {scores['SSIM']:.2f}"))
+        title = f"{scene.name}, {_weather(scene.thickness, scene.noise)}"
+        write_sheet(folder / f"dehaze-{scene.name.replace(':', '-')}.png", title, tiles)
 
 
 def _weather(thickness: float, noise: float) -> str:

@@ -13,7 +13,7 @@ from fogpipe.errors import RequestError
 
 
 def command(
-    subject: Annotated[str, typer.Argument(help="What to measure: overhead, haze, blur.")],
+    subject: Annotated[str, typer.Argument(help="What to measure: overhead, haze, blur, dehaze, airlight.")],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="DIR", help="Write CSV, JSON and pictures here.")
     ] = None,
@@ -42,3 +42,5 @@ def command(
         for name, text in files.items():
             with atomic_write(out / name) as temporary:
                 temporary.write_text(text, encoding="utf-8")
+        if draw := bench.pictures(subject):
+            draw(out, quick)
