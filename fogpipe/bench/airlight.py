@@ -1,13 +1,14 @@
 """Airlight estimators on hazy pictures whose airlight is known, with a lamp, and with a white wall near by.
 
-The haze is white, or brown as dust; the sky is airlight. Motorcycle has no sky and keeps a transmission of 0.22 or 0.02 at its
-farthest point.
+The haze is white, or brown as dust; the sky is airlight. Motorcycle has no sky and keeps a transmission of 0.22 or 0.02
+at its farthest point.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -44,14 +45,14 @@ def measure(quick: bool) -> Iterator[Row]:
 def compare(case: str, names: list[str], extra: str, size: tuple[int, int]) -> Iterator[Row]:
     """A row for each estimator."""
     errors: dict[str, list[tuple[float, float]]] = defaultdict(list)
-    image = None
-    for image, truth in hazy_pictures(names, extra, size):
+    pictures = list(hazy_pictures(names, extra, size))
+    for image, truth in pictures:
         for way, estimate in ESTIMATORS.items():
             distance, angle = airlight_error(estimate(image).airlight, truth)
             errors[way].append((float(distance), float(angle)))
-    times = alternating(
-        {YARDSTICK: lambda: image.mean(axis=(0, 1)), **{w: lambda e=e: e(image) for w, e in ESTIMATORS.items()}}, 3
-    )
+    image = pictures[-1][0]
+    ways = {way: partial(estimate, image) for way, estimate in ESTIMATORS.items()}
+    times = alternating({YARDSTICK: lambda: image.mean(axis=(0, 1)), **ways}, 3)
     for way, found in errors.items():
         (distance, angle), (worst, _) = np.mean(found, axis=0), np.max(found, axis=0)
         scores = {"distance": float(distance), "worst distance": float(worst), "angle": float(angle)}

@@ -157,7 +157,7 @@ def draw(folder: Path, quick: bool) -> None:
             restored, transmission = method(scene)
             scores = score(scene, restored, transmission)
             tiles.append(picture(way, restored, f"{scores['PSNR']:.1f} dB, SSIM {scores['SSIM']:.2f}"))
-        title = f"{scene.name}, {_weather(scene.thickness, scene.noise)}"
+        title = f"{scene.name}, optical thickness {scene.thickness:g}, noise {scene.noise:g} of 255"
         write_sheet(folder / f"dehaze-{scene.name.replace(':', '-')}.png", title, tiles)
 
 

@@ -7,6 +7,7 @@ measures.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -197,7 +198,7 @@ def dark_channel(
 
     image = _hazy(image)
     darkest = cv2.erode(image.min(axis=2), np.ones((patch, patch), np.uint8))
-    candidates = image.reshape(-1, 3)[_largest(darkest.reshape(-1), share)]
+    candidates = image.reshape(-1, 3)[_largest(np.ravel(darkest), share)]
     found = _of(candidates)
     if take == "brightest":
         found = found._replace(airlight=np.maximum(candidates[candidates.sum(axis=1).argmax()], 0))
@@ -225,8 +226,8 @@ def quad_tree(image: Image, *, smallest: Side = 32) -> AirlightEstimate:
 
     Notes
     -----
-    A region scores the mean of its values less their standard deviation, summed over the channels. A wall counts only if
-    the quarters that hold it are bright as a whole, and haze only where it fills a quarter. About 10 ns per pixel.
+    A region scores the mean of its values less their standard deviation, summed over the channels. A wall counts only
+    if the quarters that hold it are bright as a whole, and haze only where it fills a quarter. About 10 ns per pixel.
 
     Deviates from the paper: the median of the last region, not its pixel nearest to white, which is noise.
 
@@ -272,16 +273,21 @@ def scribble(
     """
     require_maps(image=(image, 3), **({} if scribble is None else {"scribble": (scribble, 1)}))
     image = _hazy(image)
-    marked = scribble
-    if marked is None or not marked.any():
-        marked = np.zeros(image.shape[:2], bool)
-        rows, columns = np.ogrid[: marked.shape[0], : marked.shape[1]]
-        for across, down in points:
-            column, row = round(across * (marked.shape[1] - 1)), round(down * (marked.shape[0] - 1))
-            marked |= (columns - column) ** 2 + (rows - row) ** 2 <= radius**2
+    marked = scribble if scribble is not None and scribble.any() else _discs(image.shape[:2], points, radius)
     if not marked.any():
         raise ValueError("nothing is marked as haze: give a scribble or points.")
     return _of(image[marked])
+
+
+def _discs(shape: tuple[int, ...], points: Sequence[tuple[float, float]], radius: float) -> np.ndarray:
+    """(H, W) bool, true within the radius of a point."""
+    height, width = shape
+    marked = np.zeros(shape, bool)
+    rows, columns = np.ogrid[:height, :width]
+    for across, down in points:
+        column, row = round(across * (width - 1)), round(down * (height - 1))
+        marked |= (columns - column) ** 2 + (rows - row) ** 2 <= radius**2
+    return marked
 
 
 def _hazy(image: Image) -> FloatArray:
@@ -290,7 +296,7 @@ def _hazy(image: Image) -> FloatArray:
     return floats(image)[0]
 
 
-def _largest(values: FloatArray, share: float) -> np.ndarray:
+def _largest(values: np.ndarray, share: float) -> np.ndarray:
     """Places of the largest share of the values, at least of one."""
     count = max(1, round(share * values.size))
     return np.argpartition(values, -count)[-count:]
@@ -324,9 +330,10 @@ def fading(image: Image, *, share: Share = 0.005) -> AirlightEstimate:
 
     Notes
     -----
-    Things at all distances behind haze have all colours between their own and that of the airlight. Nothing fades into a
-    lamp or a white wall, however large. A candidate scores the value of its darkest channel, times the power 0.2 of the
-    share of the picture that has its colour, times the evidence. Searches a copy reduced to 160 px: about 5 ms.
+    Things at all distances behind haze have all colours between their own and that of the airlight. Nothing fades into
+    a lamp or a white wall, however large. A candidate scores the value of its darkest channel, times the power 0.2 of
+    the share of the picture that has its colour, times the evidence. Searches a copy reduced to 160 px: about 30 ns
+    per pixel of the original.
     """
     from fogpipe.kernels.dehazing.fading import colour_faded_into
 

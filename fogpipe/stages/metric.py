@@ -79,7 +79,8 @@ def ssim(image: Image, reference: Image, *, color: Color = "linear") -> Number:
 
     Returns
     -------
-    One number of at most 1, the mean over channels; NaN (undefined) for a picture of less than 11 pixels in a direction.
+    One number of at most 1, the mean over channels; NaN (undefined) for a picture of less than 11 pixels in a
+    direction.
 
     Raises
     ------

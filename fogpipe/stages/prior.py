@@ -169,8 +169,8 @@ def local_tv(
 
     Returns
     -------
-    (H, W) float32, or float64 for a float64 image (rounded to float32 on the way), in [ε, 1]; at least the lower bound of
-        the blurred image.
+    (H, W) float32, or float64 for a float64 image (rounded to float32 on the way), in [ε, 1]; at least the lower
+        bound of the blurred image.
 
     Raises
     ------
@@ -213,5 +213,5 @@ def _headroom(difference: FloatArray) -> FloatArray:
     return np.where(difference > 0, difference, np.inf)
 
 
-def _like(image: Image, t: FloatArray) -> Transmission:
+def _like(image: Image, t: np.ndarray) -> Transmission:
     return t.astype(np.float64 if image.dtype.itemsize > 4 else np.float32, copy=False)

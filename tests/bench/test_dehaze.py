@@ -56,7 +56,9 @@ def test_the_truth_is_only_given_to_the_row_that_says_so(rows):
 
 
 def test_the_mean_is_that_of_the_scenes(rows):
-    other = [Row(row.case.replace("outdoor:1", "x"), row.way, 1.0, scores=dict.fromkeys(row.scores, 1.0)) for row in rows]
+    other = [
+        Row(row.case.replace("outdoor:1", "x"), row.way, 1.0, scores=dict.fromkeys(row.scores, 1.0)) for row in rows
+    ]
     (mean, *_) = means([*rows, *other])
     assert mean.case == "mean of 2, η 2, σ 10"
     assert mean.scores["PSNR"] == pytest.approx((rows[0].scores["PSNR"] + 1) / 2)

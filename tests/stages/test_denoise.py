@@ -66,7 +66,7 @@ def test_total_variation_smooths_more_where_less_light_arrives():
 
 
 def test_total_variation_of_a_step_is_its_closed_form():
-    """Of a step of two halves n wide, with weight w and edge weight g, each side moves by g / (w n) towards the other."""
+    """Of a step of halves n wide, with weight w and edge weight g, each side moves by g / (w n) towards the other."""
     step = np.where(np.arange(20) < 10, 0.0, 1.0)[None, :, None] * np.ones((1, 1, 1))
     ones = np.ones((1, 20))
     solved = solve(step, 2 * ones, 0.4 * ones, None, 3000)[0, :, 0]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fogpipe.bench.airlight import ESTIMATORS, EXTRAS, hazy_pictures
-from fogpipe.kernels.arrays import FloatArray
 from fogpipe.stages import airlight
 from fogpipe.stages.metric import airlight_error
 
@@ -99,7 +98,9 @@ def test_every_size_has_an_airlight(stage, shape):
 def test_black_below_black_and_brighter_than_white(stage):
     np.testing.assert_array_equal(stage(np.zeros((30, 30, 3))).airlight, 0)
     np.testing.assert_array_equal(stage(np.full((30, 30, 3), -0.1)).airlight, 0)
-    np.testing.assert_allclose(stage(np.full((30, 30, 3), 50.0)).airlight, 50, rtol=1e-6)  # float32 where OpenCV is used
+    np.testing.assert_allclose(
+        stage(np.full((30, 30, 3), 50.0)).airlight, 50, rtol=1e-6
+    )  # float32 where OpenCV is used
 
 
 @every_stage

@@ -2,8 +2,8 @@ r"""Contextual regularisation of a map (Meng 2013, section 3.2): smooth where th
 
 .. math:: \min_t \tfrac{\lambda}{2} \|t - \tilde t\|_2^2 + \sum_j \| W_j \circ (D_j \otimes t) \|_1
 
-by half-quadratic splitting: the differences :math:`u_j = D_j \otimes t` are shrunk one by one, then all of t is fitted to
-them in the Fourier domain, with a coupling that grows from round to round.
+by half-quadratic splitting: the differences :math:`u_j = D_j \otimes t` are shrunk one by one, then all of t is fitted
+to them in the Fourier domain, with a coupling that grows from round to round.
 """
 
 from __future__ import annotations
@@ -54,11 +54,9 @@ def smooth(values: np.ndarray, image: np.ndarray, fidelity: float, deviation: fl
     margin = ((MARGIN, MARGIN), (MARGIN, MARGIN))
     values = np.pad(np.asarray(values, np.float32), margin, "symmetric")
     image = np.pad(np.asarray(image, np.float32), (*margin, (0, 0)), "symmetric")
-    weights = [
-        np.exp(sum(_correlate(image[..., c], f) ** 2 for c in range(3)) / np.float32(-2 * deviation**2)) for f in FILTERS
-    ]
-    data = fft.rfft2(values)
-    power = sum(np.abs(fft.rfft2(_at_origin(f, values.shape))) ** 2 for f in FILTERS)
+    weights = [_weight(image, f, deviation) for f in FILTERS]
+    data = np.asarray(fft.rfft2(values))
+    power = sum(np.abs(np.asarray(fft.rfft2(_at_origin(f, values.shape)))) ** 2 for f in FILTERS)
     smoothed = values
     for coupling in COUPLINGS:
         adjoint = np.zeros_like(values)
@@ -72,12 +70,18 @@ def smooth(values: np.ndarray, image: np.ndarray, fidelity: float, deviation: fl
     return smoothed[inside]
 
 
+def _weight(image: FloatArray, small: FloatArray, deviation: float) -> FloatArray:
+    """Small where the filter finds an edge in any channel."""
+    square = np.sum([_correlate(image[..., channel], small) ** 2 for channel in range(3)], axis=0)
+    return np.exp(square / np.float32(-2 * deviation**2))
+
+
 def _correlate(values: FloatArray, small: FloatArray) -> FloatArray:
     """Correlation with a (3, 3) filter over periodic borders."""
     import cv2
 
     wrapped = np.pad(values, 1, "wrap")
-    return cv2.filter2D(wrapped, -1, np.ascontiguousarray(small))[1:-1, 1:-1]
+    return np.asarray(cv2.filter2D(wrapped, -1, np.ascontiguousarray(small))[1:-1, 1:-1], values.dtype)
 
 
 def _at_origin(small: FloatArray, shape: tuple[int, ...]) -> FloatArray:
