@@ -22,6 +22,7 @@ SUBJECTS = (
     "range",
     "restore",
     "sky",
+    "structure",
 )
 STAGES = {
     stage.__stage__.name: stage

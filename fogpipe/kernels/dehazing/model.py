@@ -29,6 +29,32 @@ def lower_bound(image: np.ndarray, airlight: np.ndarray, floor: float, lift: flo
     return bound
 
 
+def first_guess(
+    image: np.ndarray, airlight: np.ndarray, darkest: float, saturation: float, floor: float
+) -> tuple[FloatArray, FloatArray]:
+    r"""Lower bound of the transmission, and a guess from what colours scenes have.
+
+    With :math:`q_c = 1 - I_c / B_c`, a scene of :math:`L_c / B_c = 1 - q_c / t`, whose saturation 1 − min/max is at most s,
+    has :math:`t \ge (\max q - (1 - s) \min q) / s`. If its darkest channel reaches the share m of the airlight in the
+    darkest places, t is 1 / (1 − m) times that. With s = 1 and m = 0 the guess is the bound.
+
+    Parameters
+    ----------
+    image, airlight, floor : as for :func:`lower_bound`.
+    darkest : m, in [0, 1).
+    saturation : s, in (0, 1].
+
+    Returns
+    -------
+    Two (H, W) maps in [floor, 1], the second at least the first.
+    """
+    image, field = image_and_field(image, airlight)
+    bound, guess = np.empty(image.shape[:2], image.dtype), np.empty(image.shape[:2], image.dtype)
+    real = image.dtype.type
+    in_bands(_first_guess, *bound.shape, image, field, real(darkest), real(saturation), real(floor), bound, guess)
+    return bound, guess
+
+
 def invert(image: np.ndarray, airlight: np.ndarray, transmission: np.ndarray, floor: float) -> FloatArray:
     """Scene radiance B + (I − B) / max(t, floor), shape (H, W, 3), unclipped."""
     image, field = image_and_field(image, airlight)
@@ -61,6 +87,23 @@ def _lower_bound(first, last, image, field, floor, lift, bound):
                 if airlight > 0:
                     least = min(least, (image[y, x, c] + lift) / airlight)
             bound[y, x] = min(max(one - least, floor), one)
+
+
+@njit(nogil=True, cache=True)
+def _first_guess(first, last, image, field, darkest, saturation, floor, bound, guess):
+    varies = field.size > 3
+    one = image.dtype.type(1)
+    for y in range(first, last):
+        for x in range(image.shape[1]):
+            most, least = -np.inf, np.inf
+            for c in range(3):
+                airlight = field[y, x, c] if varies else field[0, 0, c]
+                if airlight > 0:
+                    q = one - image[y, x, c] / airlight
+                    most, least = max(most, q), min(least, q)
+            t = (most - (one - saturation) * least) / (saturation * (one - darkest))
+            bound[y, x] = min(max(most, floor), one)
+            guess[y, x] = min(max(t, bound[y, x]), one)
 
 
 @njit(nogil=True, cache=True)
