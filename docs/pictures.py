@@ -33,7 +33,7 @@ def dehazing() -> None:
     with TemporaryDirectory() as folder:
         draw(Path(folder), quick=True)
         sheet = cv2.imread(str(Path(folder) / "dehaze-outdoor-1.png"))
-    cv2.imwrite(str(FOLDER / "dehazing-experiment.jpg"), sheet, [cv2.IMWRITE_JPEG_QUALITY, 85])
+    cv2.imwrite(str(FOLDER / "dehazing-experiment.jpg"), sheet, [cv2.IMWRITE_JPEG_QUALITY, 75])
 
 
 if __name__ == "__main__":

@@ -8,7 +8,8 @@ import io
 import numpy as np
 import pytest
 
-from fogpipe.bench import table
+from fogpipe import bench
+from fogpipe.bench import dehaze, table
 from fogpipe.bench.dehaze import METHODS, compare, dark_channel, means, score
 from fogpipe.bench.hazy_scenes import REPORTED, TUNING, clear_scene, hazy_scenes
 from fogpipe.bench.table import Row
@@ -78,3 +79,12 @@ def test_the_dark_channel_is_as_good_as_known():
         found = score(scene, *dark_channel(scene))["PSNR"]
         # Those figures name neither radius nor ε nor how holes of the range are filled.
         assert found == pytest.approx(known[scene.thickness, scene.noise], abs=0.3)
+
+
+def test_a_sheet_for_each_scene(tmp_path, monkeypatch):
+    monkeypatch.setattr(dehaze, "METHODS", {"hazy input": METHODS["hazy input"]})
+    draw = bench.pictures("dehaze")
+    assert draw is not None
+    draw(tmp_path, True)
+    assert {path.name for path in tmp_path.iterdir()} == {"dehaze-motorcycle.png", "dehaze-outdoor-1.png"}
+    assert bench.pictures("overhead") is None
