@@ -50,6 +50,18 @@ def test_a_round_trip_that_fails_its_expectation_fails_the_run(street):
         fogpipe.load("roundtrip-hansard-yan", set={"thickness": 6}).run(**street)
 
 
+def test_no_error_at_all_meets_every_expectation(street, tmp_path):
+    path = tmp_path / "equal.yaml"
+    path.write_text("""
+fogpipe: 1
+inputs: {image: Image}
+stages: {psnr: {use: metric.psnr, in: {image: image, reference: image}}}
+outputs: {psnr: psnr}
+expect: {psnr: ">= 40"}
+""")
+    assert fogpipe.load(path).run(image=street["image"])["psnr"] == np.inf
+
+
 @every_dehazer
 def test_contrast_comes_back_where_the_haze_was(name, street):
     hazy = fogpipe.load("roundtrip-hansard-yan", set={"noise": 0, "thickness": 6}).run(to=["hazy"], **street)["hazy"]
