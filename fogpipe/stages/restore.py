@@ -66,7 +66,7 @@ def non_local(
     solver: Literal["mean", "median"] = "mean",
     balance: Annotated[float, Gt(0)] = 0.2,
     passes: Annotated[int, Ge(1), Le(10)] = 2,
-    floor: Floor = 0.02,
+    floor: Floor = 0.05,
     clip: bool = True,
 ) -> Image:
     r"""Scene behind noisy haze, from pixels of like patches and like transmission.
@@ -97,7 +97,7 @@ def non_local(
 
     Returns
     -------
-    (H, W, 3) float32, or float64 for a float64 image.
+    (H, W, 3) float32, or float64 for a float64 image (averaged in float32).
 
     Raises
     ------
@@ -123,10 +123,12 @@ def non_local(
     scene = model.invert(image, airlight, transmission, floor)
     sigma = deviation(image) if noise_sigma is None else noise_sigma
     if sigma > 0:
-        _, t = floats(scene, np.maximum(transmission, floor))
+        dtype = scene.dtype
+        scene, t = floats(scene.astype(np.float32), np.maximum(transmission, floor))
         weights = (sigma, window // 2, layer, strictness)
         if solver == "mean":
             scene = latent.weighted_mean(scene, t, *weights)
         else:
             scene = latent.weighted_median(scene, t, *weights, balance, passes)
+        scene = scene.astype(dtype, copy=False)
     return np.clip(scene, 0, 1, out=scene) if clip else scene

@@ -24,7 +24,8 @@ def relative_total_variation(
 ) -> Image:
     r"""Structure of an image by relative total variation.
 
-    .. math:: \min_S \sum_x (S - I)^2 + \lambda \sum_{d \in \{x, y\}} \frac{\mathcal D_d}{\mathcal L_d + \varepsilon}, \qquad
+    .. math:: \min_S \sum_x (S - I)^2
+              + \lambda \sum_{d \in \{x, y\}} \frac{\mathcal D_d}{\mathcal L_d + \varepsilon}, \qquad
               \mathcal D_d = G_\sigma * |\partial_d S|, \quad \mathcal L_d = |G_\sigma * \partial_d S|
 
     A texture goes up and down within the window, so that its windowed total variation D is large and its windowed

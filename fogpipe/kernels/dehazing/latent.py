@@ -1,4 +1,4 @@
-"""A scene behind haze, whose noise grows as the haze gets thicker, from pixels with like patches and like transmission."""
+"""A scene behind haze, whose noise grows with the haze, from pixels of like patches and like transmission."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fogpipe.kernels.dehazing.weighted_quantile import crossing
 PATCH = 3
 """Radius of a patch: 7 × 7 pixels, as in the paper."""
 ROWS = 16
-"""Rows that are done together. Running sums start anew with each block, so they round alike for any number of threads."""
+"""Rows done together. Running sums start anew with each block: they round alike for any number of threads."""
 FEW_ROWS = 2
 """The same for the median, which keeps the weights of a whole window for each pixel."""
 

@@ -34,9 +34,9 @@ def first_guess(
 ) -> tuple[FloatArray, FloatArray]:
     r"""Lower bound of the transmission, and a guess from what colours scenes have.
 
-    With :math:`q_c = 1 - I_c / B_c`, a scene of :math:`L_c / B_c = 1 - q_c / t`, whose saturation 1 − min/max is at most s,
-    has :math:`t \ge (\max q - (1 - s) \min q) / s`. If its darkest channel reaches the share m of the airlight in the
-    darkest places, t is 1 / (1 − m) times that. With s = 1 and m = 0 the guess is the bound.
+    With :math:`q_c = 1 - I_c / B_c`, a scene of :math:`L_c / B_c = 1 - q_c / t`, whose saturation 1 − min/max is s at
+    most, has :math:`t \ge (\max q - (1 - s) \min q) / s`. If its darkest channel reaches the share m of the airlight
+    in the darkest places, t is 1 / (1 − m) times that. With s = 1 and m = 0 the guess is the bound.
 
     Parameters
     ----------

@@ -18,7 +18,17 @@ INNER = 1e-3
 def structure(
     image: np.ndarray, smoothness: float, scale: float, sharpness: float, iterations: int, tolerance: float
 ) -> FloatArray:
-    """(H, W, 3) float32 structure of an (H, W, 3) image; see :func:`fogpipe.stages.structure.relative_total_variation`."""
+    """(H, W, 3) float32 structure of an (H, W, 3) image.
+
+    Parameters
+    ----------
+    image : I.
+    smoothness : λ.
+    scale : σ, pixels.
+    sharpness : εs.
+    iterations : of reweighting.
+    tolerance : root-mean-square residual of each linear system.
+    """
     planes = np.ascontiguousarray(image.transpose(2, 0, 1), dtype=np.float32)
     current = planes
     for iteration in range(iterations):

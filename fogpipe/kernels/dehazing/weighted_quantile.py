@@ -23,10 +23,12 @@ from numba import njit
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 
-CELLS_PER_DEVIATION = 2
+CELLS_PER_DEVIATION = 3
 """Bins of the guide per standard deviation of its weight."""
-REACH = 4
-"""Standard deviations of the guide beyond which a neighbour has no weight (3e-4)."""
+GROUP = 16
+"""Bins of D in a group, which are passed over together."""
+LEAST_LIKENESS = 1e-4
+"""A bin of the guide with a smaller weight is left out."""
 LARGEST_RADIUS = 127
 """The pixels of a window must be counted in 16 bits."""
 
@@ -71,7 +73,7 @@ def binned(
     deviation: float,
     levels: int,
 ) -> FloatArray:
-    """The same from histograms of ``levels`` bins of D; parameters as :func:`exact`.
+    """The same from histograms of ``levels`` bins of D, a multiple of 16; parameters as :func:`exact`.
 
     Time grows with the bins of D and S, and memory is that of one row of columns, 2 B a bin.
     """
@@ -80,20 +82,28 @@ def binned(
             f"a radius of {radius} pixels is more than {LARGEST_RADIUS}, the most that fits the histograms."
         )
     real = log_t.dtype.type
-    lowest = log_t.min()
-    width = real(max((log_t.max() - lowest) / levels, 1e-6))
-    level = np.minimum((log_t - lowest) / width, levels - 1).astype(np.uint16)
+    edges = _edges(log_t.min(), log_t.max(), levels)
+    inner = np.minimum((log_t - edges[1]) / max(edges[2] - edges[1], real(1e-9)), levels - 3).astype(np.uint16) + 1
+    level = np.where(log_t <= edges[0], 0, np.where(log_t >= edges[-1], levels - 1, inner)).astype(np.uint16)
     darkest, cell_width = guide.min(), real(deviation / CELLS_PER_DEVIATION)
     cell = ((guide - darkest) / cell_width).astype(np.uint16)
-    center = darkest + (np.arange(cell.max() + 1, dtype=log_t.dtype) + real(0.5)) * cell_width
-    within = cell_width**2 / 12  # the variance inside a bin, which the bins add to that of the weight
+    pixels = np.maximum(np.bincount(cell.ravel()), 1)
+    center = (np.bincount(cell.ravel(), guide.ravel()) / pixels).astype(log_t.dtype)
+    within = np.mean((guide - center[cell]) ** 2)  # the variance inside a bin, which the bins add to that of the weight
     narrowness = real(1 / (2 * (deviation**2 - within)))
     out = np.empty_like(log_t)
     in_bands(
         _binned, *out.shape,
-        level, cell, center, bound, guide, lowest, width, levels, log_t, real(pull), real(quantile), radius, narrowness, out,
+        level, cell, center, edges, bound, guide, log_t, real(pull), real(quantile), radius, narrowness,
+        out,
     )  # fmt: skip
     return np.maximum(out, bound, out=out)
+
+
+def _edges(lowest: float, highest: float, levels: int) -> FloatArray:
+    """Edges of the bins: the first and the last have no width, since many pixels may lie at the very ends."""
+    inner = np.linspace(lowest, highest, levels - 1, dtype=type(lowest))
+    return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
 @njit(nogil=True, cache=True)
@@ -132,40 +142,45 @@ def crossing(values, weights, total, data, pull, quantile):
 
 
 @njit(nogil=True, cache=True)
-def _binned(
-    first, last, level, cell, center, bound, guide, lowest, width, levels, data, pull, quantile, radius, narrowness, out
-):
+def _binned(first, last, level, cell, center, edges, bound, guide, data, pull, quantile, radius, narrowness, out):
     height, columns = level.shape
-    cells = center.size
+    cells, levels = center.size, edges.size - 1
     column = np.zeros((columns, cells, levels), np.uint16)
-    window = np.empty((cells, levels), np.uint16)
-    weight = np.empty(levels, out.dtype)
-    reach = REACH * CELLS_PER_DEVIATION
+    column_groups = np.zeros((columns, cells, levels // GROUP), np.uint16)
+    window, window_groups = np.empty_like(column[0]), np.empty_like(column_groups[0])
+    likeness = np.empty(cells, out.dtype)
     for y in range(max(0, first - radius), min(height, first + radius)):
-        for x in range(columns):
-            column[x, cell[y, x], level[y, x]] += np.uint16(1)
+        _count(column, column_groups, cell[y], level[y], np.uint16(1))
     for y in range(first, last):
         if y + radius < height:
-            for x in range(columns):
-                column[x, cell[y + radius, x], level[y + radius, x]] += np.uint16(1)
+            _count(column, column_groups, cell[y + radius], level[y + radius], np.uint16(1))
         if y > first and y - radius > 0:
-            for x in range(columns):
-                column[x, cell[y - radius - 1, x], level[y - radius - 1, x]] -= np.uint16(1)
+            _count(column, column_groups, cell[y - radius - 1], level[y - radius - 1], np.uint16(0xFFFF))  # minus one
         window[:] = 0
+        window_groups[:] = 0
         for x in range(min(radius, columns)):
             _add(window, column[x])
+            _add(window_groups, column_groups[x])
         for x in range(columns):
             if x + radius < columns:
                 _add(window, column[x + radius])
+                _add(window_groups, column_groups[x + radius])
             if x > radius:
                 _subtract(window, column[x - radius - 1])
-            weight[:] = 0
-            for k in range(max(0, cell[y, x] - reach), min(cells, cell[y, x] + reach + 1)):
+                _subtract(window_groups, column_groups[x - radius - 1])
+            for k in range(cells):
                 difference = guide[y, x] - center[k]
-                g = math.exp(-difference * difference * narrowness)
-                for q in range(levels):
-                    weight[q] += g * window[k, q]
-            out[y, x] = _binned_crossing(weight, bound[y, x], lowest, width, data[y, x], pull, quantile)
+                likeness[k] = math.exp(-difference * difference * narrowness)
+            out[y, x] = _binned_crossing(
+                window, window_groups, likeness, edges, bound[y, x], data[y, x], pull, quantile
+            )
+
+
+@njit(nogil=True, cache=True)
+def _count(column, column_groups, cell, level, one):
+    for x in range(cell.size):
+        column[x, cell[x], level[x]] += one
+        column_groups[x, cell[x], level[x] // GROUP] += one
 
 
 @njit(nogil=True, cache=True)
@@ -183,21 +198,56 @@ def _subtract(window, column):
 
 
 @njit(nogil=True, cache=True)
-def _binned_crossing(weight, bound, lowest, width, data, pull, quantile):
-    """Where the derivative passes zero if the weight of a bin is spread evenly over it, from the bound up."""
-    levels = weight.size
-    start = min(max(int((bound - lowest) / width), 0), levels - 1)
-    inside = (bound - lowest) / width - start
-    weight[start] *= 1 - min(max(inside, 0), 1)  # the part of the bin that is not below the bound
-    total = weight[start:].sum()
+def _weighted(window, likeness, first, weight):
+    """Weight of as many bins as ``weight`` holds, from the first."""
+    weight[:] = 0
+    for k in range(likeness.size):
+        if likeness[k] > LEAST_LIKENESS:
+            for q in range(weight.size):
+                weight[q] += likeness[k] * window[k, first + q]
+
+
+@njit(nogil=True, cache=True)
+def _binned_crossing(window, window_groups, likeness, edges, bound, data, pull, quantile):
+    """Where the derivative passes zero if the weight of a bin is spread evenly over it, from the bound up.
+
+    The derivative grows, so the group in which it passes zero is sought first, and only the bins of that are looked at.
+    """
+    levels = edges.size - 1
+    groups = np.empty(levels // GROUP, edges.dtype)
+    weight = np.empty(GROUP, edges.dtype)
+    start, share = 0, edges.dtype.type(1)
+    if bound > edges[1]:
+        start = min(1 + int((bound - edges[1]) / (edges[2] - edges[1])), levels - 1)
+        if start < levels - 1:  # the part of the bin that is not below the bound
+            share = min(max((edges[start + 1] - bound) / (edges[2] - edges[1]), 0), 1)
+    _weighted(window_groups, likeness, 0, groups)
+    group = start // GROUP
+    _weighted(window, likeness, group * GROUP, weight)
+    weight[: start % GROUP] = 0
+    weight[start % GROUP] *= share
+    groups[group] = weight.sum()
+    total = groups[group:].sum()
     if total <= 0:
         return data
-    below = weight.dtype.type(0)
-    for q in range(start, levels):
-        left, right = lowest + q * width, lowest + (q + 1) * width
-        at_left = pull * (left - data) + 2 * below / total - 2 * quantile
-        below += weight[q]
-        at_right = pull * (right - data) + 2 * below / total - 2 * quantile
+    below = edges.dtype.type(0)
+    while group < groups.size - 1:
+        if _derivative(edges[(group + 1) * GROUP], below + groups[group], total, data, pull, quantile) >= 0:
+            break
+        below += groups[group]
+        group += 1
+    if group > start // GROUP:
+        _weighted(window, likeness, group * GROUP, weight)
+    for q in range(max(start, group * GROUP), (group + 1) * GROUP):
+        left, right = edges[q], edges[q + 1]
+        at_left = _derivative(left, below, total, data, pull, quantile)
+        below += weight[q % GROUP]
+        at_right = _derivative(right, below, total, data, pull, quantile)
         if at_right >= 0:
-            return left + width * min(max(-at_left / (at_right - at_left), 0), 1) if at_right > at_left else left
-    return lowest + levels * width
+            return left + (right - left) * min(max(-at_left / (at_right - at_left), 0), 1) if right > left else left
+    return edges[levels]
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _derivative(u, below, total, data, pull, quantile):
+    return pull * (u - data) + 2 * below / total - 2 * quantile
