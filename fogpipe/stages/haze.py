@@ -72,7 +72,7 @@ def non_local(
     structure: Image | None = None,
     *,
     noise_sigma: Annotated[float, Ge(0)] | None = None,
-    window: Annotated[int, Ge(1), Le(255), Unit("px")] = 31,
+    window: Annotated[int, Ge(1), Le(127), Unit("px")] = 31,
     passes: Annotated[int, Ge(1), Le(10)] = 1,
     balance: Annotated[float, Gt(0)] = 15.0,
     structure_deviation: Annotated[float, Gt(0)] = 0.1,
@@ -119,8 +119,13 @@ def non_local(
 
     Notes
     -----
-    About 0.3 µs per pixel for a fast pass, 0.4 for denoising, whatever the window; the exact solver takes
+    About 0.5 µs per pixel for a fast pass, 0.3 for denoising, whatever the window; the exact solver takes
     0.1 µs per pixel of the window, for each pixel. Memory is linear.
+
+    The defaults of darkest, saturation, quantile, window and σs were chosen by the signal-to-noise ratio of the
+    restored picture on two procedural outdoor scenes and three indoor photographs with measured depth, none of them
+    among those of the published table. Of the fast solver's tolerance: a median (quantile 1/2) jumps where a window holds two
+    layers of equal weight, and may be off by twice the tolerance.
 
     Deviates from the paper: the first guess D⁰, the quantile, and the bound of a denoised image; ``darkest: 0``,
     ``saturation: 1``, ``quantile: 0.5``, ``noise_sigma: 0`` is the published form. There the guess is the data of the
@@ -153,7 +158,8 @@ def non_local(
 
 
 LEVELS_AT_ONE_IN_A_THOUSAND = 320
-"""Bins of the fast solver for a tolerance of 1e-3; on photographs they leave 3e-4 to 9e-4."""
+"""Bins of the fast solver for a tolerance of 1e-3. On photographs they leave 2e-4 to 6e-4, and up to 2e-3 with a
+quantile of 1/2, since a median jumps."""
 
 
 def _denoised(image: FloatArray, noise_sigma: float | None) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from fogpipe.kernels.arrays import floats, require_finite
+from fogpipe.kernels.arrays import floats, require_finite, require_maps
 from fogpipe.ports import Airlight, Image, Transmission, Unit
 from fogpipe.stage import stage
 
@@ -51,6 +51,57 @@ def invert(
     require_finite(image=image, airlight=airlight, transmission=transmission)
     scene = model.invert(image, airlight, transmission, floor)
     return np.clip(scene, 0, 1, out=scene) if clip else scene
+
+
+@stage("restore.intensity")
+def intensity(image: Image) -> Image:
+    """Intensity of an image, the mean of its channels, as a grey image.
+
+    Under water the red is nearly gone, and what is left of it is noise: dehazed channel by channel, it gives false
+    colours.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image; three equal channels.
+
+    References
+    ----------
+    Yan, Xu and Jia 2013, *Dense scattering layer removal*, section 3.4.
+    """
+    require_maps(image=(image, 3))
+    (image,) = floats(image)
+    return np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2)
+
+
+@stage("restore.recolour")
+def recolour(image: Image, intensity: Image, *, most: Annotated[float, Gt(0)] = 4.0) -> Image:
+    """Image with another intensity: each pixel scaled, so that the ratios of its channels stay.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, whose colours are kept.
+    intensity : (H, W, 3) float, whose mean over channels is the intensity wanted.
+    most : Largest factor, so that noise in the dark is not blown up to colours.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image.
+
+    Raises
+    ------
+    ValueError
+        If a value is NaN or infinite, or the sizes differ.
+    """
+    require_maps(image=(image, 3), intensity=(intensity, 3))
+    require_finite(image=image, intensity=intensity)
+    image, intensity = floats(image, intensity)
+    before, wanted = image.mean(axis=2), np.maximum(intensity.mean(axis=2), 0)
+    factor = np.divide(wanted, before, out=np.ones_like(before), where=before > 0)
+    return image * np.minimum(factor, image.dtype.type(most))[..., None]
 
 
 @stage("restore.non_local")

@@ -90,14 +90,10 @@ def test_the_published_form_is_the_median_of_neighbours_above_the_bound():
     assert medians.mean() < dilation.mean()
 
 
-@pytest.mark.parametrize("quantile", [0.5, 0.95])
-def test_the_fast_solver_is_within_its_tolerance(motorcycle, quantile):
+def test_the_fast_solver_is_within_its_tolerance(motorcycle):
     picture = motorcycle[0][200:290, 300:400]
     image = hazy(picture, np.full(picture.shape[:2], 0.4, np.float32), GREY)
-    exact, fast = (
-        non_local(image, GREY, noise_sigma=0.005, quantile=quantile, passes=1, solver=solver)
-        for solver in ("exact", "fast")
-    )
+    exact, fast = (non_local(image, GREY, noise_sigma=0.005, solver=solver) for solver in ("exact", "fast"))
     assert np.sqrt(np.mean((exact - fast) ** 2)) < 1e-3
 
 

@@ -23,14 +23,16 @@ from numba import njit
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 
-CELLS_PER_DEVIATION = 3
+CELLS_PER_DEVIATION = 2
 """Bins of the guide per standard deviation of its weight."""
 GROUP = 16
 """Bins of D in a group, which are passed over together."""
 LEAST_LIKENESS = 1e-4
 """A bin of the guide with a smaller weight is left out."""
-LARGEST_RADIUS = 127
-"""The pixels of a window must be counted in 16 bits."""
+SHARES = 4
+"""A pixel counts as four, shared between the two bins of the guide that it lies between."""
+LARGEST_RADIUS = 63
+"""Four times the pixels of a window must be counted in 16 bits."""
 
 
 def exact(
@@ -86,15 +88,14 @@ def binned(
     inner = np.minimum((log_t - edges[1]) / max(edges[2] - edges[1], real(1e-9)), levels - 3).astype(np.uint16) + 1
     level = np.where(log_t <= edges[0], 0, np.where(log_t >= edges[-1], levels - 1, inner)).astype(np.uint16)
     darkest, cell_width = guide.min(), real(deviation / CELLS_PER_DEVIATION)
-    cell = ((guide - darkest) / cell_width).astype(np.uint16)
-    pixels = np.maximum(np.bincount(cell.ravel()), 1)
-    center = (np.bincount(cell.ravel(), guide.ravel()) / pixels).astype(log_t.dtype)
-    within = np.mean((guide - center[cell]) ** 2)  # the variance inside a bin, which the bins add to that of the weight
+    place = np.rint((guide - darkest) / cell_width * SHARES).astype(np.uint16)
+    center = darkest + np.arange(place.max() // SHARES + 2, dtype=log_t.dtype) * cell_width
+    within = cell_width**2 / 6  # the variance that sharing between two bins adds to that of the weight
     narrowness = real(1 / (2 * (deviation**2 - within)))
     out = np.empty_like(log_t)
     in_bands(
         _binned, *out.shape,
-        level, cell, center, edges, bound, guide, log_t, real(pull), real(quantile), radius, narrowness,
+        level, place, center, edges, bound, guide, log_t, real(pull), real(quantile), radius, narrowness,
         out,
     )  # fmt: skip
     return np.maximum(out, bound, out=out)
@@ -142,7 +143,7 @@ def crossing(values, weights, total, data, pull, quantile):
 
 
 @njit(nogil=True, cache=True)
-def _binned(first, last, level, cell, center, edges, bound, guide, data, pull, quantile, radius, narrowness, out):
+def _binned(first, last, level, place, center, edges, bound, guide, data, pull, quantile, radius, narrowness, out):
     height, columns = level.shape
     cells, levels = center.size, edges.size - 1
     column = np.zeros((columns, cells, levels), np.uint16)
@@ -150,12 +151,12 @@ def _binned(first, last, level, cell, center, edges, bound, guide, data, pull, q
     window, window_groups = np.empty_like(column[0]), np.empty_like(column_groups[0])
     likeness = np.empty(cells, out.dtype)
     for y in range(max(0, first - radius), min(height, first + radius)):
-        _count(column, column_groups, cell[y], level[y], np.uint16(1))
+        _count(column, column_groups, place[y], level[y], np.uint16(1))
     for y in range(first, last):
         if y + radius < height:
-            _count(column, column_groups, cell[y + radius], level[y + radius], np.uint16(1))
+            _count(column, column_groups, place[y + radius], level[y + radius], np.uint16(1))
         if y > first and y - radius > 0:
-            _count(column, column_groups, cell[y - radius - 1], level[y - radius - 1], np.uint16(0xFFFF))  # minus one
+            _count(column, column_groups, place[y - radius - 1], level[y - radius - 1], np.uint16(0xFFFF))  # minus one
         window[:] = 0
         window_groups[:] = 0
         for x in range(min(radius, columns)):
@@ -177,10 +178,15 @@ def _binned(first, last, level, cell, center, edges, bound, guide, data, pull, q
 
 
 @njit(nogil=True, cache=True)
-def _count(column, column_groups, cell, level, one):
-    for x in range(cell.size):
-        column[x, cell[x], level[x]] += one
-        column_groups[x, cell[x], level[x] // GROUP] += one
+def _count(column, column_groups, place, level, one):
+    for x in range(place.size):
+        cell, group = place[x] // SHARES, level[x] // GROUP
+        upper = one * (place[x] % SHARES)
+        lower = one * SHARES - upper
+        column[x, cell, level[x]] += lower
+        column[x, cell + 1, level[x]] += upper
+        column_groups[x, cell, group] += lower
+        column_groups[x, cell + 1, group] += upper
 
 
 @njit(nogil=True, cache=True)
