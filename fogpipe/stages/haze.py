@@ -124,8 +124,8 @@ def non_local(
 
     The defaults of darkest, saturation, quantile, window and σs were chosen by the signal-to-noise ratio of the
     restored picture on two procedural outdoor scenes and three indoor photographs with measured depth, none of them
-    among those of the published table. Of the fast solver's tolerance: a median (quantile 1/2) jumps where a window holds two
-    layers of equal weight, and may be off by twice the tolerance.
+    among those of the published table. A median (quantile 1/2) jumps where a window holds two layers of
+    equal weight, and there the fast solver may miss the tolerance by a factor of two.
 
     Deviates from the paper: the first guess D⁰, the quantile, and the bound of a denoised image; ``darkest: 0``,
     ``saturation: 1``, ``quantile: 0.5``, ``noise_sigma: 0`` is the published form. There the guess is the data of the
