@@ -56,7 +56,8 @@ def lower_bound(
     if noise_sigma > 0:
         import cv2
 
-        image = cv2.blur(np.asarray(*floats(image)), (3, 3), borderType=cv2.BORDER_REFLECT)
+        (image,) = floats(image)
+        image = np.asarray(cv2.blur(image, (3, 3), borderType=cv2.BORDER_REFLECT), image.dtype)
         lift = LEAST_OF_THREE * noise_sigma / 3
     return model.lower_bound(image, airlight, floor, lift)
 

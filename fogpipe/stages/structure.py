@@ -103,5 +103,5 @@ def edge_preserving(
     require_maps(image=(image, 3))
     require_finite(image=image)
     picture = np.ascontiguousarray(image, np.float32)
-    smoothed = cv2.ximgproc.dtFilter(picture, picture, scale, contrast, cv2.ximgproc.DTF_RF)
+    smoothed = cv2.ximgproc.dtFilter(picture, picture, scale, contrast, mode=cv2.ximgproc.DTF_RF)
     return smoothed.astype(np.float64 if image.dtype.itemsize > 4 else np.float32, copy=False)

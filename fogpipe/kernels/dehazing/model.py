@@ -25,7 +25,8 @@ def lower_bound(image: np.ndarray, airlight: np.ndarray, floor: float, lift: flo
     """
     image, field = image_and_field(image, airlight)
     bound = np.empty(image.shape[:2], image.dtype)
-    in_bands(_lower_bound, *bound.shape, image, field, image.dtype.type(floor), image.dtype.type(lift), bound)
+    height, width, _ = image.shape
+    in_bands(_lower_bound, height, width, image, field, image.dtype.type(floor), image.dtype.type(lift), bound)
     return bound
 
 
@@ -51,7 +52,8 @@ def first_guess(
     image, field = image_and_field(image, airlight)
     bound, guess = np.empty(image.shape[:2], image.dtype), np.empty(image.shape[:2], image.dtype)
     real = image.dtype.type
-    in_bands(_first_guess, *bound.shape, image, field, real(darkest), real(saturation), real(floor), bound, guess)
+    height, width, _ = image.shape
+    in_bands(_first_guess, height, width, image, field, real(darkest), real(saturation), real(floor), bound, guess)
     return bound, guess
 
 

@@ -57,7 +57,8 @@ def _gaussian(plane: FloatArray, scale: float) -> FloatArray:
     import cv2
 
     reach = 2 * math.ceil(2 * scale) + 1
-    return cv2.GaussianBlur(plane, (reach, reach), scale, borderType=cv2.BORDER_REFLECT)
+    blurred = cv2.GaussianBlur(plane, (reach, reach), scale, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(blurred, plane.dtype).reshape(plane.shape)
 
 
 @njit(nogil=True, cache=True)

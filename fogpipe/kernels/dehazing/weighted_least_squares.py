@@ -89,7 +89,7 @@ def _grids(east: FloatArray, south: FloatArray) -> list[Grid]:
             return grids
         height, width = (-(-size // 2) for size in east.shape)
         coarse = [np.zeros((height, width), east.dtype) for _ in range(3)]
-        in_bands(_coarsen, height, width, *grids[-1][:3], *coarse)
+        in_bands(_coarsen, height, width, area, east, south, *coarse)
         area, east, south = coarse
 
 
@@ -100,9 +100,11 @@ def _cycle(grids: list[Grid], residual: FloatArray) -> FloatArray:
     u = _swept(grid, residual, u, SWEEPS - 1 if coarser else 4 * SWEEPS - 1)
     if not coarser:
         return u
-    left = np.zeros((residual.shape[0], *coarser[0].area.shape), residual.dtype)
-    in_bands(_restrict, *left.shape[1:], u, residual, *grid[:3], left)
-    in_bands(_correct, *u.shape[1:], _cycle(coarser, left), u)
+    height, width = coarser[0].area.shape
+    left = np.zeros((residual.shape[0], height, width), residual.dtype)
+    in_bands(_restrict, height, width, u, residual, grid.area, grid.east, grid.south, left)
+    correction = _cycle(coarser, left)
+    in_bands(_correct, grid.area.shape[0], grid.area.shape[1], correction, u)
     return _swept(grid, residual, u, SWEEPS)
 
 
