@@ -120,7 +120,8 @@ def _dask(address: str) -> tuple[Executor, int]:
         client = Client(address, timeout=10)
     except (OSError, TimeoutError) as error:
         raise RequestError(f"--engine: there is no Dask scheduler at {address}: {error}.") from error
-    slots = sum(client.nthreads().values())
+    threads: Any = client.nthreads()
+    slots = sum(threads.values())
     if not slots:
         raise RequestError(f"--engine: the Dask scheduler at {address} has no workers.")
     # Two for each thread: one at work, and one that waits, so that no worker waits for the network.

@@ -119,10 +119,12 @@ def open_journal(place: Place, shard: str) -> Iterator[Journal]:
         if not _locked(file):
             raise RequestError(f"another fogpipe batch is at work in {place.root}; wait for it, or use another folder.")
         _remove_drafts(Path(place.root, DRAFTS), path)
-        yield _LocalJournal(file)
-        shutil.rmtree(Path(place.root, DRAFTS, shard), ignore_errors=True)
-        with suppress(OSError):
-            Path(place.root, DRAFTS).rmdir()
+        try:
+            yield _LocalJournal(file)
+        finally:
+            shutil.rmtree(Path(place.root, DRAFTS, shard), ignore_errors=True)
+            with suppress(OSError):
+                Path(place.root, DRAFTS).rmdir()
 
 
 class _LocalJournal(Journal):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field, replace
@@ -98,7 +97,7 @@ class Summary:
     made: int = 0
     finished_before: int = 0
     failed: dict[str, str] = field(default_factory=dict)
-    seconds: Counter[str] = field(default_factory=Counter)
+    seconds: dict[str, float] = field(default_factory=dict)
     elapsed: float = 0.0
     stopped: str = ""
 
@@ -191,13 +190,14 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
         return
     executor, slots = open_engine(batch.engine, min(batch.workers, len(tasks)), batch.job.threads)
     luggage = () if batch.engine in LOCAL else packed(batch.job.plugins)
-    submit = partial(executor.submit, partial(work_with, luggage) if luggage else work, batch.job)
-    flow = _Flow(submit, slots, tasks)
+    call = partial(work_with, luggage) if luggage else work
+    flow = _Flow(lambda task: executor.submit(call, batch.job, task), slots, tasks)
 
     def take(done: Done) -> None:
         journal.done(done)
         summary.made += len(done.rows)
-        summary.seconds.update(done.seconds)
+        for name, seconds in done.seconds.items():
+            summary.seconds[name] = summary.seconds.get(name, 0.0) + seconds
         if done.error:
             summary.failed[done.item] = done.error
             if batch.max_failures is not None and len(summary.failed) >= batch.max_failures and not flow.stopped:

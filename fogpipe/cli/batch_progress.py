@@ -13,8 +13,6 @@ from fogpipe.batch.places import place_at
 from fogpipe.batch.run import Batch, Summary, Todo, Watcher, find_todo
 from fogpipe.batch.work import Done
 
-INSIDE = ("whole", "reading", "writing")
-
 
 class BatchProgress(Watcher):
     """A bar with rate, time left and failures on a terminal; lines otherwise. All on standard error."""
@@ -124,7 +122,7 @@ def show_estimate(batch: Batch, as_json: bool) -> None:
 
 def time_shares(summary: Summary) -> list[str]:
     """The share of each stage in the time of the workers, the largest first."""
-    whole = summary.seconds["whole"]
+    whole = summary.seconds.get("whole", 0.0)
     if not whole:
         return []
     inside = {name: seconds for name, seconds in summary.seconds.items() if name != "whole"}

@@ -59,8 +59,8 @@ def _selection(folder: Folder) -> Iterator[Item]:
 
 
 def _recordings(folder: Folder) -> Iterator[Item]:
-    annotated = r"(?:.*/)?(?:train|val)/(?P<drive>(?P<day>[\d_]+)_drive_\d+_sync)/proj_depth/groundtruth/image_02/(?P<frame>\d+)\.png"
-    for path, found in folder.matches(annotated):
+    drives = r"(?:.*/)?(?:train|val)/(?P<drive>(?P<day>[\d_]+)_drive_\d+_sync)"
+    for path, found in folder.matches(drives + r"/proj_depth/groundtruth/image_02/(?P<frame>\d+)\.png"):
         drive, day, number = found["drive"], found["day"], found["frame"]
         name = f"{day}/{drive}/image_02/data/{number}"
         yield Item(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 from fogpipe.datasets.folder import Folder
 from fogpipe.datasets.item import Item, reader
@@ -50,14 +51,14 @@ def pairs(
         if depth:
             files[distance] = folder.path(next(_filled(folder, depth, name), depth.replace("{id}", name)))
         named = [label for pattern in (labels or "").split(",") if pattern for label in _filled(folder, pattern, name)]
-        yield Item(
+        item = Item(
             id=name,
             files=files,
             encoding=encoding if depth else None,
             camera=camera and folder.path(camera.replace("{id}", name)),
             labels=folder.labels(*named),
-            **frame(name.rpartition("/")[0], name, rate) if rate else {},
         )
+        yield replace(item, **frame(name.rpartition("/")[0], name, rate)) if rate else item
 
 
 def _expression(pattern: str) -> str:
