@@ -109,16 +109,22 @@ def filled(template: str, values: Mapping[str, Any]) -> str:
         raise RequestError(f'the template "{template}" {error}') from None
     except (ValueError, TypeError, LookupError) as error:
         raise RequestError(f'the template "{template}" cannot be filled in: {error}.') from error
+    if text.startswith(".fogpipe"):
+        raise OutputError(f'the template "{template}" gives "{text}", a name that is kept for fogpipe itself.')
     return inside(text, f'the template "{template}" gives')
 
 
 def inside(path: str, where: str) -> str:
     """The path itself, if it stays below the root; OutputError otherwise."""
     parts = path.replace("\\", "/").split("/")
-    if posixpath.isabs(path) or ":" in parts[0] or not all(parts) or any(part in (".", "..") for part in parts):
+    if (
+        posixpath.isabs(path)
+        or ":" in parts[0]
+        or not all(parts)
+        or any(part in (".", "..") for part in parts)
+        or "\0" in path
+    ):
         raise OutputError(f'{where} "{path}", which is not a path below the folder of the outputs.')
-    if parts[0].startswith(".fogpipe") or "\0" in path:
-        raise OutputError(f'{where} "{path}", a name that is kept for fogpipe itself.')
     return path
 
 

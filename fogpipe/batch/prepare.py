@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Sequence
+from dataclasses import replace
 from fnmatch import fnmatch
 
 from fogpipe.batch.job import Job, Labels, graph_of, outputs_of, pipeline_of
@@ -62,7 +63,7 @@ def prepare(
     graph = pipeline_of(draft).graph
     picture = output or _first_picture(graph)
     suffix = f".{(image_format or 'png').removesuffix('16')}"
-    layout = layout_from(preset, names, variation.parameters, variation.draws, suffix)
+    layout = layout_from(preset, names, variation.differing, variation.draws, suffix)
     named = posixpath.splitext(layout.picture)[1].removeprefix(".")
     if image_format and image_format.removesuffix("16") != named:
         raise RequestError(f'--image-format {image_format}: but the names end in ".{named}".')
@@ -131,20 +132,21 @@ def _check_outputs(job: Job, graph: Graph) -> None:
 
 
 def _check_first_item(job: Job, data: Dataset, variation: Variation, seed: int) -> None:
-    """Settings and names, tried on the first item; the values of a sweep are all tried."""
-    item = next(iter(data.items.values()))
+    """Settings and names, tried on the first item, but not what it says itself: that is its own affair."""
+    first = next(iter(data.items.values()))
+    item = replace(first, id="folder/name", settings={})
     computed = fields_of(job.layout.picture) & set(job.numbers)
     paths = set()
     variants = variation.variants(item, seed)
     for variant in variants:
         outputs_of(job, graph_of(job, variant))
         fields = known_values(item.id, item.files.get("image", ""), variant.settings, variant.draw)
-        fields |= dict.fromkeys(job.numbers, 1.0)
+        fields |= dict.fromkeys([*job.numbers, *first.settings], 1.0)
         paths.add(filled(job.layout.picture, fields))
     if not {"id", "name"} & fields_of(job.layout.picture):
         raise RequestError(f'--names "{job.layout.picture}": must hold {{id}} or {{name}}, to tell items apart.')
     if len(paths) < len(variants) and not computed:
-        known = [*KNOWN_BEFORE, *variation.parameters]
+        known = [*KNOWN_BEFORE, *variation.differing]
         raise RequestError(
             f'--names "{job.layout.picture}": gives {len(variants)} outputs of an item {len(paths)} names; put in'
             f" what differs: {', '.join(f'{{{name}}}' for name in known)}."

@@ -109,8 +109,13 @@ class Variation:
 
     @property
     def parameters(self) -> list[str]:
-        """Every parameter that differs between outputs."""
-        return [*(s.parameter for s in self.sweeps), *(s.parameter for s in self.samples), *(b[0] for b in self.binds)]
+        """Every parameter that is set here."""
+        return [*self.differing, *(parameter for parameter, _ in self.binds)]
+
+    @property
+    def differing(self) -> list[str]:
+        """Every parameter of which names must tell the value."""
+        return [*(sweep.parameter for sweep in self.sweeps), *(sample.parameter for sample in self.samples)]
 
     def variants(self, item: Item, seed: int) -> list[Variant]:
         """Every variant of an item, in the order of the sweeps.

@@ -25,6 +25,11 @@ Photos = Callable[..., Path]
 SWEEP = {"sweeps": ["extinction.visibility=20,40"]}
 
 
+def manifest(folder: Path) -> list[dict[str, str]]:
+    with (folder / "manifest.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
 def test_outputs_mirror_the_input_with_labels_and_manifest(photos: Photos, make_batch: Make, tmp_path: Path):
     summary = run_batch(make_batch(photos(3), tmp_path / "out", **SWEEP, also=["transmission", "record"]))
     assert (summary.items, summary.made, summary.failed) == (3, 6, {})
@@ -32,7 +37,7 @@ def test_outputs_mirror_the_input_with_labels_and_manifest(photos: Photos, make_
              (".png", "_transmission.npy", "_record.json")}  # fmt: skip
     labels = {f"labels/{n:04}_visibility{v}.txt" for n in range(3) for v in (20, 40)}
     assert contents(tmp_path / "out").keys() == names | labels | {"manifest.csv", "manifest.parquet"}
-    rows = list(csv.DictReader((tmp_path / "out" / "manifest.csv").open()))
+    rows = manifest(tmp_path / "out")
     assert [row["hazy"] for row in rows] == sorted(name for name in names if name.endswith("0.png"))
     assert {float(row["extinction"]) for row in rows} == {3 / 20, 3 / 40}
 
@@ -54,7 +59,7 @@ def test_a_record_says_how_a_picture_was_made(photos: Photos, make_batch: Make, 
     assert "Z = v/256 m" in record["notes"][1]
     assert record["seed"] > 0
     assert len(record["pipeline"]["digest"]) == 40
-    rows = list(csv.DictReader((tmp_path / "out" / "manifest.csv").open()))
+    rows = manifest(tmp_path / "out")
     assert record["sha256"] == rows[0]["sha256"] == contents(tmp_path / "out")["0000.png"]
 
 
@@ -194,5 +199,5 @@ def test_ctrl_c_finishes_what_is_under_way_and_the_next_run_the_rest(photos: Pho
         run_batch(make_batch(data, out), Impatient())
     rows = [row for row in read_state(place_at(str(out))).rows if isinstance(row, Row)]
     assert 1 <= len(rows) < 4
-    assert len(list(csv.DictReader((out / "manifest.csv").open()))) == len(rows)
+    assert len(manifest(out)) == len(rows)
     assert run_batch(make_batch(data, out)).made == 4 - len(rows)
