@@ -22,6 +22,7 @@ from fogpipe.pipeline.graph import Ref
 from fogpipe.pipeline.plan import Plan, plan_for
 from fogpipe.pipeline.sharing import shared_values
 from fogpipe.runtime.inputs import Inputs, Request, inputs_from_request
+from fogpipe.runtime.record import peak_memory
 from fogpipe.runtime.runner import execute
 
 
@@ -35,12 +36,14 @@ class Done:
     rows : what was made, per variant; empty where the task failed.
     error : why it failed, for people; empty where it did not.
     seconds : time by stage, for ``reading`` and ``writing``, and the ``whole``.
+    memory : the most that the process has held so far, in bytes; None where the system does not tell.
     """
 
     item: str
     rows: tuple[Row, ...] = ()
     error: str = ""
     seconds: Mapping[str, float] = field(default_factory=dict)
+    memory: int | None = None
 
 
 def work(job: Job, task: Task) -> Done:
@@ -52,7 +55,7 @@ def work(job: Job, task: Task) -> Done:
     try:
         with clock("whole"):
             rows = _rows(job, task, clock)
-        return Done(task.item.id, tuple(rows), seconds=dict(clock.seconds))
+        return Done(task.item.id, tuple(rows), seconds=dict(clock.seconds), memory=peak_memory())
     except FogpipeError as error:
         return Done(task.item.id, error=str(error))
     except Exception as error:  # a fault of a stage or a library costs this item and no other

@@ -18,6 +18,7 @@ SUBJECTS = {
     "overhead": "fogpipe.bench.overhead",
     "haze": "fogpipe.bench.haze",
     "blur": "fogpipe.bench.blur",
+    "batch": "fogpipe.bench.batch",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 

@@ -13,7 +13,7 @@ from fogpipe.errors import RequestError
 
 
 def command(
-    subject: Annotated[str, typer.Argument(help="What to measure: overhead, haze, blur.")],
+    subject: Annotated[str, typer.Argument(help="What to measure: overhead, haze, blur, batch.")],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="DIR", help="Write CSV, JSON and pictures here.")
     ] = None,
