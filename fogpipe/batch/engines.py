@@ -10,9 +10,9 @@ import os
 import queue
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from typing import Any, TypeVar
@@ -85,7 +85,8 @@ class Here(Executor):
         return future
 
 
-def open_engine(name: str, workers: int, threads: int) -> tuple[Executor, int]:
+@contextmanager
+def open_engine(name: str, workers: int, threads: int) -> Iterator[tuple[Executor, int]]:
     """An executor, and how many items may be under way in it.
 
     Parameters
@@ -98,12 +99,20 @@ def open_engine(name: str, workers: int, threads: int) -> tuple[Executor, int]:
         If there is no such engine, or it cannot be reached.
     """
     if name == "processes":
-        return Processes(workers, threads), workers
-    if name == "here":
-        return Here(), 1
-    if name.startswith("dask://"):
-        return _dask("tcp://" + name.removeprefix("dask://"))
-    raise RequestError(f"--engine {name}: choose {', '.join(LOCAL)} or dask://HOST:PORT.")
+        with Processes(workers, threads) as pool:
+            yield pool, workers
+    elif name == "here":
+        yield Here(), 1
+    elif name.startswith("dask://"):
+        with _dask("tcp://" + name.removeprefix("dask://")) as client:
+            # Two items for each thread: one at work and one that waits, so that no worker waits for the network.
+            slots = 2 * sum(client.nthreads().values())
+            if not slots:
+                raise RequestError(f"--engine {name}: the scheduler has no workers.")
+            with client.get_executor(pure=False) as executor:
+                yield executor, slots
+    else:
+        raise RequestError(f"--engine {name}: choose {', '.join(LOCAL)} or dask://HOST:PORT.")
 
 
 def worker_died(error: BaseException | None) -> bool:
@@ -111,21 +120,16 @@ def worker_died(error: BaseException | None) -> bool:
     return isinstance(error, BrokenExecutor) or type(error).__name__ in ("KilledWorker", "CancelledError")
 
 
-def _dask(address: str) -> tuple[Executor, int]:
+def _dask(address: str) -> Any:
+    """A client of the scheduler at an address."""
     try:
         from distributed import Client
     except ImportError as error:
         raise RequestError("--engine dask://…: install fogpipe[cluster].") from error
     try:
-        client = Client(address, timeout=10)
+        return Client(address, timeout=10)
     except (OSError, TimeoutError) as error:
         raise RequestError(f"--engine: there is no Dask scheduler at {address}: {error}.") from error
-    threads: Any = client.nthreads()
-    slots = sum(threads.values())
-    if not slots:
-        raise RequestError(f"--engine: the Dask scheduler at {address} has no workers.")
-    # Two for each thread: one at work, and one that waits, so that no worker waits for the network.
-    return client.get_executor(pure=False), 2 * slots
 
 
 def _died(future: Future[Any]) -> bool:

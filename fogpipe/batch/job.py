@@ -32,7 +32,8 @@ class Job:
     ----------
     text, source : the pipeline as YAML, and what messages call it.
     settings : ``stage.parameter=value`` as on the command line.
-    seed, tolerance : replace the pipeline's.
+    seed : of the set; that of an image follows from it and from the image's id.
+    tolerance : replaces the pipeline's.
     plugins : folders of local stages, as they are called on the machine that reads them.
     picture : the output that is the result; its name is the template's.
     extras : outputs that are written beside it.
@@ -49,7 +50,7 @@ class Job:
     text: str
     source: str
     settings: tuple[str, ...] = ()
-    seed: int | None = None
+    seed: int = 0
     tolerance: float | None = None
     plugins: tuple[str, ...] = ()
     picture: str = "hazy"
@@ -121,7 +122,7 @@ def _checked(job: Job, settings: Mapping[str, Any]) -> Pipeline:
         raise RequestError(str(error)) from error
     registry = _registry(job.plugins)
     settled = {**fixed, **settings}
-    return from_text(job.text, job.source, set=settled, seed=job.seed, tolerance=job.tolerance, registry=registry)
+    return from_text(job.text, job.source, set=settled, tolerance=job.tolerance, registry=registry)
 
 
 @lru_cache(maxsize=4)

@@ -48,6 +48,7 @@ def prepare(
     ----------
     pipeline : name or path.
     root : folder or URL of the outputs.
+    seed : of the set; by default the pipeline's.
     output : the output that is the result; by default the first picture of the pipeline.
     also : outputs that are written beside it, and ``record`` for a JSON record.
     names, preset : the layout, see :mod:`fogpipe.batch.names`.
@@ -59,8 +60,8 @@ def prepare(
         If anything in it cannot be; nothing was run.
     """
     text, source = read_pipeline(pipeline)
-    draft = Job(text, source, tuple(settings), seed, tolerance, tuple(plugins), threads=threads, root=root)
-    graph = pipeline_of(draft).graph
+    fixed = {"settings": tuple(settings), "tolerance": tolerance, "plugins": tuple(plugins)}
+    graph = pipeline_of(Job(text, source, **fixed)).graph
     picture = output or _first_picture(graph)
     suffix = f".{(image_format or 'png').removesuffix('16')}"
     layout = layout_from(preset, names, variation.differing, variation.draws, suffix)
@@ -70,10 +71,8 @@ def prepare(
     job = Job(
         text=text,
         source=source,
-        settings=tuple(settings),
-        seed=seed,
-        tolerance=tolerance,
-        plugins=tuple(plugins),
+        **fixed,
+        seed=graph.seed if seed is None else seed,
         picture=picture,
         extras=tuple(dict.fromkeys(name for name in also if name != RECORD)),
         numbers=tuple(name for name, ref in graph.outputs.items() if name not in also and _is_few(graph.kind(ref))),
@@ -86,7 +85,7 @@ def prepare(
         threads=threads,
     )
     _check_outputs(job, graph)
-    _check_first_item(job, data, variation, seed or 0)
+    _check_first_item(job, data, variation)
     return job
 
 
@@ -131,13 +130,13 @@ def _check_outputs(job: Job, graph: Graph) -> None:
     check_formats(plan, Options(job.outputs, job.image_format, job.map_format, sheet=False))
 
 
-def _check_first_item(job: Job, data: Dataset, variation: Variation, seed: int) -> None:
+def _check_first_item(job: Job, data: Dataset, variation: Variation) -> None:
     """Settings and names, tried on the first item, but not what it says itself: that is its own affair."""
     first = next(iter(data.items.values()))
     item = replace(first, id="folder/name", settings={})
     computed = fields_of(job.layout.picture) & set(job.numbers)
     paths = set()
-    variants = variation.variants(item, seed)
+    variants = variation.variants(item, job.seed)
     for variant in variants:
         outputs_of(job, graph_of(job, variant))
         fields = known_values(item.id, item.files.get("image", ""), variant.settings, variant.draw)

@@ -43,7 +43,6 @@ class Batch:
     job: Job
     data: Dataset
     variation: Variation = Variation()  # noqa: RUF009 - it is frozen
-    seed: int = 0
     keep: Mapping[str, str] = field(default_factory=dict)
     engine: str = "processes"
     workers: int = 1
@@ -54,7 +53,7 @@ class Batch:
     def settled(self) -> dict[str, Any]:
         """What a folder of outputs is tied to; sweeps may grow."""
         varied = {name: repr(getattr(self.variation, name)) for name in ("samples", "binds", "draws")}
-        data = {"reader": self.data.name, "options": dict(self.data.options), "set_seed": self.seed}
+        data = {"reader": self.data.name, "options": dict(self.data.options)}
         return json.loads(json.dumps({**self.job.settled(), **varied, **data}))
 
 
@@ -132,7 +131,7 @@ def find_todo(batch: Batch, place: Place, state: State) -> Todo:
     tasks, failed = [], {}
     for item in mine:
         done = state.done.get(item.id, {})
-        missing = tuple(v for v in batch.variation.variants(item, batch.seed) if v.key not in done)
+        missing = tuple(v for v in batch.variation.variants(item, batch.job.seed) if v.key not in done)
         if missing and item.id in state.failed and not batch.retry_failed:
             failed[item.id] = state.failed[item.id]
         elif missing:
@@ -188,10 +187,8 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
     """Work on all tasks; after Ctrl-C or too many failures, on none that is not under way already."""
     if not tasks:
         return
-    executor, slots = open_engine(batch.engine, min(batch.workers, len(tasks)), batch.job.threads)
     luggage = () if batch.engine in LOCAL else packed(batch.job.plugins)
     call = partial(work_with, luggage) if luggage else work
-    flow = _Flow(lambda task: executor.submit(call, batch.job, task), slots, tasks)
 
     def take(done: Done) -> None:
         journal.done(done)
@@ -205,7 +202,8 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
                 flow.stopped = True
         watcher.done(done)
 
-    with executor:
+    with open_engine(batch.engine, min(batch.workers, len(tasks)), batch.job.threads) as (executor, slots):
+        flow = _Flow(lambda task: executor.submit(call, batch.job, task), slots, tasks)
         try:
             for done in flow:
                 take(done)
@@ -257,6 +255,6 @@ def _expect_same_batch(batch: Batch, place: Place, state: State) -> None:
     for other in state.jobs:
         if differing := [name for name in settled if settled[name] != other.get(name)]:
             raise RequestError(
-                f"{place.root} holds the outputs of another batch ({', '.join(differing)} differ). Choose another"
+                f"{place.root} holds the outputs of a batch that differs in {', '.join(differing)}. Choose another"
                 f" folder with -o, or repeat the batch as it was; sweeps may get more values."
             )

@@ -91,7 +91,6 @@ def command(
         job=job,
         data=found,
         variation=variation,
-        seed=seed or 0,
         keep=kept(found, keep or ()),
         engine=engine,
         workers=processes,

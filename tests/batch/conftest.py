@@ -147,7 +147,7 @@ def make_batch(mist: Path) -> Callable[..., Batch]:
         plugins = [str(mist.parent / "stages")]
         pipeline = str(options.pop("pipeline", mist))
         job = prepare(pipeline, found, str(out), variation=variation, plugins=plugins, **options)
-        return Batch(job, found, variation, seed=options.get("seed") or 0, **{"engine": "here", **running})
+        return Batch(job, found, variation, **{"engine": "here", **running})
 
     return make
 

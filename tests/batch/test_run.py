@@ -121,7 +121,7 @@ def test_a_second_run_makes_what_is_missing_and_nothing_else(photos: Photos, mak
 def test_another_batch_is_not_mixed_into_a_folder(photos: Photos, make_batch: Make, tmp_path: Path):
     data, out = photos(1), tmp_path / "out"
     run_batch(make_batch(data, out, **SWEEP))
-    with pytest.raises(RequestError, match=r"the outputs of another batch \(seed, set_seed differ\)"):
+    with pytest.raises(RequestError, match="holds the outputs of a batch that differs in seed"):
         run_batch(make_batch(data, out, **SWEEP, seed=5))
 
 
