@@ -82,7 +82,7 @@ def write_variant(job: Job, place: Place, made: Made) -> Row:
                 made.output(name),
                 color=made.graph.color,
                 alpha=made.inputs.alpha,
-                image_format=job.image_format,
+                image_format=job.image_format or posixpath.splitext(picture)[1].removeprefix(".").lower(),
                 map_format=job.map_format,
             )
             if path:

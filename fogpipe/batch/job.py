@@ -40,7 +40,7 @@ class Job:
     numbers : outputs that are a few numbers, recorded for each image.
     record : whether to write a JSON record beside each image.
     layout : names of the files.
-    image_format, map_format : as for a single run.
+    image_format, map_format : as for a single run; empty where each picture has the format of its input.
     labels : whether label files are linked, copied or left out.
     root : folder or URL of the outputs.
     drafts : folder for files that are not complete yet; empty where the root is a URL.

@@ -130,8 +130,10 @@ def open_journal(place: Place, shard: str) -> Iterator[Journal]:
 class _LocalJournal(Journal):
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
-        if file.tell() and os.pread(file.fileno(), 1, file.tell() - 1) != b"\n":
-            self._file.write(b"\n")  # ends a line that a crash has torn
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.write(b"\n")  # ends a line that a crash has torn
 
     def write(self, entry: Mapping[str, Any]) -> None:
         try:

@@ -65,7 +65,7 @@ def prepare(
     picture = output or _first_picture(graph)
     suffix = f".{(image_format or 'png').removesuffix('16')}"
     layout = layout_from(preset, names, variation.differing, variation.draws, suffix)
-    named = posixpath.splitext(layout.picture)[1].removeprefix(".")
+    named = "" if layout.picture.endswith("{suffix}") else posixpath.splitext(layout.picture)[1].removeprefix(".")
     if image_format and image_format.removesuffix("16") != named:
         raise RequestError(f'--image-format {image_format}: but the names end in ".{named}".')
     job = Job(
@@ -127,7 +127,7 @@ def _check_outputs(job: Job, graph: Graph) -> None:
     if graph.kind(plan.outputs[job.picture]).shapes[0][-1:] != (3,):
         kind = graph.kind(plan.outputs[job.picture])
         raise RequestError(f"--to {job.picture}: is a {kind.name}, but the result of a batch is a picture.")
-    check_formats(plan, Options(job.outputs, job.image_format, job.map_format, sheet=False))
+    check_formats(plan, Options(job.outputs, job.image_format or "png", job.map_format, sheet=False))
 
 
 def _check_first_item(job: Job, data: Dataset, variation: Variation) -> None:

@@ -89,6 +89,7 @@ class Summary:
     failed : error by item, those of earlier runs included.
     seconds : time inside workers, by stage.
     elapsed : wall time.
+    memory : the most that a worker has held, in bytes; 0 where the system does not tell.
     stopped : why it ended before all was done; empty if it did not.
     """
 
@@ -98,6 +99,7 @@ class Summary:
     failed: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     elapsed: float = 0.0
+    memory: int = 0
     stopped: str = ""
 
 
@@ -191,7 +193,11 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
     call = partial(work_with, luggage) if luggage else work
 
     def take(done: Done) -> None:
+        if done.refused:  # the item is made by the next run, when there is room
+            summary.stopped, flow.stopped = done.error, True
+            return
         journal.done(done)
+        summary.memory = max(summary.memory, done.memory or 0)
         summary.made += len(done.rows)
         for name, seconds in done.seconds.items():
             summary.seconds[name] = summary.seconds.get(name, 0.0) + seconds

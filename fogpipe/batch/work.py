@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ from fogpipe.batch.files import Made, Row, write_labels, write_variant
 from fogpipe.batch.job import Job, Task, graph_of, outputs_of
 from fogpipe.batch.places import place_at
 from fogpipe.datasets.item import Item
-from fogpipe.errors import ExpectationError, FogpipeError, RequestError, RunError
+from fogpipe.errors import ExpectationError, FogpipeError, OutputError, RequestError, RunError
 from fogpipe.io.given import DISTANCES
 from fogpipe.kernels.bands import set_threads, threads
 from fogpipe.pipeline.graph import Ref
@@ -24,6 +25,9 @@ from fogpipe.pipeline.sharing import shared_values
 from fogpipe.runtime.inputs import Inputs, Request, inputs_from_request
 from fogpipe.runtime.record import peak_memory
 from fogpipe.runtime.runner import execute
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+"""What a disk says that is full, or broken."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,7 @@ class Done:
     error : why it failed, for people; empty where it did not.
     seconds : time by stage, for ``reading`` and ``writing``, and the ``whole``.
     memory : the most that the process has held so far, in bytes; None where the system does not tell.
+    refused : whether the place of the outputs refused (a full disk), which is no fault of the item.
     """
 
     item: str
@@ -44,6 +49,7 @@ class Done:
     error: str = ""
     seconds: Mapping[str, float] = field(default_factory=dict)
     memory: int | None = None
+    refused: bool = False
 
 
 def work(job: Job, task: Task) -> Done:
@@ -57,7 +63,9 @@ def work(job: Job, task: Task) -> Done:
             rows = _rows(job, task, clock)
         return Done(task.item.id, tuple(rows), seconds=dict(clock.seconds), memory=peak_memory())
     except FogpipeError as error:
-        return Done(task.item.id, error=str(error))
+        cause = error.__cause__
+        full = isinstance(error, OutputError) and isinstance(cause, OSError) and cause.errno in _NO_ROOM
+        return Done(task.item.id, error=str(error), refused=full)
     except Exception as error:  # a fault of a stage or a library costs this item and no other
         return Done(task.item.id, error=f"{type(error).__name__}: {error}")
 

@@ -103,11 +103,11 @@ def command(
         return
     with JsonLines() if as_json else BatchProgress() as watcher:
         summary = run_batch(batch, watcher)
+    problems = [f"stopped: {summary.stopped}"] if summary.stopped else []
     if summary.failed:
-        stopped = f" It stopped: {summary.stopped}." if summary.stopped else ""
-        raise RunError(
-            f"{len(summary.failed)} of {summary.items} items failed.{stopped} --retry-failed tries them again."
-        )
+        problems.append(f"{len(summary.failed)} of {summary.items} items failed; --retry-failed tries them again.")
+    if problems:
+        raise RunError("\n".join(problems))
 
 
 def _named(options: list[str] | None) -> dict[str, str]:

@@ -57,7 +57,8 @@ class BatchProgress(Watcher):
     def finished(self, summary: Summary) -> None:
         if self.bar:
             self.bar.stop()
-        self._say(f"{summary.made} made in {summary.elapsed:.1f} s, {len(summary.failed)} items failed")
+        memory = f"; a worker held at most {summary.memory / 2**20:.0f} MiB" if summary.memory else ""
+        self._say(f"{summary.made} made in {summary.elapsed:.1f} s, {len(summary.failed)} items failed{memory}")
         for line in time_shares(summary):
             self._say(line)
 

@@ -61,8 +61,13 @@ def without_suffix(path: str) -> str:
 
 
 def _walked(root: str) -> list[str]:
-    found = []
+    found: list[str] = []
+    seen: set[str] = set()
     for folder, folders, names in os.walk(root, followlinks=True):
+        if (real := os.path.realpath(folder)) in seen:  # a link that leads back
+            folders.clear()
+            continue
+        seen.add(real)
         folders[:] = [name for name in folders if not name.startswith(".")]
         base = os.path.relpath(folder, root).replace(os.sep, "/")
         found += [name if base == "." else f"{base}/{name}" for name in names]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
+from fogpipe.batch.places import LocalPlace
 from fogpipe.batch.run import Batch, run_batch
+from fogpipe.errors import OutputError
 
 from .conftest import contents
 
@@ -119,3 +122,23 @@ def test_an_item_that_kills_every_worker_costs_itself(photos: Photos, make_batch
     assert summary.made == 4
     assert "its worker died twice" in summary.failed["0001"]
     assert not [name for name in contents(tmp_path / "out") if ".fogpipe" in name]
+
+
+def test_a_full_disk_stops_the_run_and_blames_no_item(
+    photos: Photos, make_batch: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    published = LocalPlace.publish
+    room = [2]
+
+    def publish(place: LocalPlace, file: Path, relative: str) -> None:
+        if relative.endswith(".png") and not room[0]:
+            raise OutputError("no space") from OSError(errno.ENOSPC, "No space left on device")
+        room[0] -= relative.endswith(".png")
+        published(place, file, relative)
+
+    monkeypatch.setattr(LocalPlace, "publish", publish)
+    data = photos(4)
+    summary = run_batch(make_batch(data, tmp_path / "out"))
+    assert (summary.made, summary.failed, summary.stopped) == (2, {}, "no space")
+    room[0] = 99
+    assert run_batch(make_batch(data, tmp_path / "out")).made == 2

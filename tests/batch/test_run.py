@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ from fogpipe.batch.run import Batch, Watcher, run_batch
 from fogpipe.errors import RequestError
 from fogpipe.io.images import read_image
 
-from .conftest import contents
+from .conftest import OPTIONS, contents
 
 Make = Callable[..., Batch]
 Photos = Callable[..., Path]
@@ -178,6 +179,16 @@ def test_labels_are_linked_copied_or_left_out(photos: Photos, make_batch: Make, 
     assert not (tmp_path / "copy" / "labels/0000.txt").is_symlink()
     assert (tmp_path / "copy" / "labels/0000.txt").read_text() == "0 0\n"
     assert not (tmp_path / "none" / "labels").exists()
+
+
+def test_pictures_may_keep_name_and_format(photos: Photos, make_batch: Make, tmp_path: Path):
+    data = photos(2)
+    cv2.imwrite(str(data / "images/0001.jpg"), cv2.imread(str(data / "images/0001.png")))
+    (data / "images/0001.png").unlink()
+    options = {**OPTIONS, "image": "images/{id}.*"}
+    run_batch(make_batch(data, tmp_path / "out", names="images/{id}{suffix}", reader_options=options))
+    assert read_image(tmp_path / "out/images/0000.png").description.startswith("8-bit colour PNG")
+    assert read_image(tmp_path / "out/images/0001.jpg").description.startswith("8-bit colour JPEG")
 
 
 def test_files_of_the_whole_set_are_kept(photos: Photos, make_batch: Make, tmp_path: Path):

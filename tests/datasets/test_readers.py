@@ -261,6 +261,12 @@ def test_folders_that_are_links_are_followed(tmp_path: Path):
     assert [*open_dataset(f"folder:{tmp_path}/set").items] == ["1"]
 
 
+def test_a_link_that_leads_back_ends_nothing(tmp_path: Path):
+    put(tmp_path, "images/1.png", PICTURE)
+    (tmp_path / "images" / "again").symlink_to(tmp_path / "images")
+    assert [*open_dataset(f"folder:{tmp_path}").items] == ["1"]
+
+
 def test_only_what_a_pipeline_needs_is_read(tmp_path: Path, build: Callable):
     put(tmp_path, "images/1.png", PICTURE)
     options = {"depth": "depth/{id}.png", "encoding": "kitti", "camera": "camera.json"}
