@@ -27,7 +27,7 @@ def prepare(
     data: Dataset,
     root: str,
     *,
-    variation: Variation = Variation(),  # noqa: B008 - it is frozen
+    variation: Variation = Variation(),  # noqa: B008 (it is frozen)
     settings: Sequence[str] = (),
     seed: int | None = None,
     tolerance: float | None = None,
@@ -39,7 +39,6 @@ def prepare(
     image_format: str | None = None,
     map_format: str = "npy",
     labels: Labels = "link",
-    keep: Sequence[str] = (),
     threads: int = 1,
 ) -> Job:
     """The job that a request describes.

@@ -42,7 +42,7 @@ class Batch:
 
     job: Job
     data: Dataset
-    variation: Variation = Variation()  # noqa: RUF009 - it is frozen
+    variation: Variation = Variation()  # noqa: RUF009 (it is frozen)
     keep: Mapping[str, str] = field(default_factory=dict)
     engine: str = "processes"
     workers: int = 1
@@ -191,6 +191,7 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
         return
     luggage = () if batch.engine in LOCAL else packed(batch.job.plugins)
     call = partial(work_with, luggage) if luggage else work
+    earlier = set(summary.failed)
 
     def take(done: Done) -> None:
         if done.refused:  # the item is made by the next run, when there is room
@@ -203,9 +204,9 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
             summary.seconds[name] = summary.seconds.get(name, 0.0) + seconds
         if done.error:
             summary.failed[done.item] = done.error
-            if batch.max_failures is not None and len(summary.failed) >= batch.max_failures and not flow.stopped:
-                summary.stopped = f"{len(summary.failed)} items failed (--max-failures)"
-                flow.stopped = True
+            failures = len(summary.failed.keys() - earlier)
+            if failures == batch.max_failures:
+                summary.stopped, flow.stopped = f"{failures} items failed (--max-failures)", True
         watcher.done(done)
 
     with open_engine(batch.engine, min(batch.workers, len(tasks)), batch.job.threads) as (executor, slots):
@@ -250,10 +251,8 @@ class _Flow:
         if worker_died(error) and attempt < ATTEMPTS:
             self.pending[self.submit(task)] = task, attempt + 1
             return None
-        reason = (
-            "its worker died twice: killed, or out of memory. Use fewer --workers." if worker_died(error) else error
-        )
-        return Done(task.item.id, error=str(reason))
+        died = "its worker died twice: killed, or out of memory. Use fewer --workers."
+        return Done(task.item.id, error=died if worker_died(error) else str(error))
 
 
 def _expect_same_batch(batch: Batch, place: Place, state: State) -> None:

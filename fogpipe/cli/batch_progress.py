@@ -127,7 +127,8 @@ def time_shares(summary: Summary) -> list[str]:
     if not whole:
         return []
     inside = {name: seconds for name, seconds in summary.seconds.items() if name != "whole"}
-    inside["(the rest)"] = whole - sum(inside.values())
+    inside["(the rest)"] = max(0.0, whole - sum(inside.values()))
+    whole = sum(inside.values())  # stages that run side by side take more than the wall clock
     return [
         f"  {name:<16} {seconds / whole:6.1%}" for name, seconds in sorted(inside.items(), key=lambda pair: -pair[1])
     ]
