@@ -129,6 +129,13 @@ def test_a_dask_cluster(here: Path, fogpipe_cli: Callable, cluster: tuple[str, l
     assert len(list((here / "foggy/training/image_2").iterdir())) == 6
 
 
+def test_the_python_interface(here: Path):
+    (program,) = [block for block in blocks(ROOT / "docs/reference/python.md", "python") if "run_batch" in block]
+    (here / "program.py").write_text(program)
+    ended = subprocess.run([sys.executable, "program.py"], capture_output=True, text=True, timeout=120)
+    assert ended.stdout == "6 {}\n", ended.stderr
+
+
 def test_slurm(here: Path):
     script, afterwards = blocks(HOW_TO / "run-on-slurm.md", "bash")
     binaries = here / "bin"
