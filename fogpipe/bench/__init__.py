@@ -26,6 +26,7 @@ SUBJECTS = {
     "photo": "fogpipe.bench.photo",
     "dehaze": "fogpipe.bench.dehaze",
     "airlight": "fogpipe.bench.airlight",
+    "batch": "fogpipe.bench.batch",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 
