@@ -59,7 +59,7 @@ class Fog:
         drawn = {sample.parameter: sample.draw(rng) for sample in map(parse_sample, self.sample)}
         return Draw(drawn, int(rng.integers(2**53)))
 
-    def apply(self, image: np.ndarray, draw: Draw, **inputs: np.ndarray) -> np.ndarray:
+    def apply(self, image: np.ndarray, draw: Draw, **inputs: Any) -> np.ndarray:
         """The picture in this fog.
 
         Parameters
@@ -88,7 +88,7 @@ class Fog:
         foggy = pipeline.run(to=[self.output], image=image, **inputs)[self.output]
         return _display(foggy, np.asarray(image).dtype, linear)
 
-    def __call__(self, image: np.ndarray, *, rng: np.random.Generator, **inputs: np.ndarray) -> np.ndarray:
+    def __call__(self, image: np.ndarray, *, rng: np.random.Generator, **inputs: Any) -> np.ndarray:
         """The picture in a fog that is drawn from ``rng``; see :meth:`apply`."""
         return self.apply(image, self.draw(rng), **inputs)
 
