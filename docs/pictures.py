@@ -207,6 +207,8 @@ def _write(name: str, rows: list[list[np.ndarray]], width: int) -> None:
     small = [[cv2.resize(np.asarray(p), (width, height), interpolation=cv2.INTER_AREA) for p in row] for row in rows]
     color = "linear" if name == "photo-fog.jpg" else "srgb"
     write_image(FOLDER / name, np.vstack([np.hstack(row) for row in small]), color=color)
+
+
 def dehazing() -> None:
     """A hazy, noisy street and what every method makes of it, as `fogpipe bench dehaze` draws it."""
     with TemporaryDirectory() as folder:
