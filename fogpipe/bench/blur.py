@@ -153,8 +153,9 @@ def compared(
         if exact is not None and way.startswith("auto"):
             kept = error is not None and error <= float(way.split()[1])
             note = "keeps its promise" if kept else "BREAKS ITS PROMISE"
-        memory = extra(call, layer)
-        yield Row(case, way, times[way], times[way] / times[YARDSTICK], YARDSTICK, error, largest_error, memory, note)
+        scores = {"extra memory, frames": extra(call, layer)}
+        ratio = times[way] / times[YARDSTICK]
+        yield Row(case, way, times[way], ratio, YARDSTICK, error, largest_error, note, scores=scores)
 
 
 def extra(call: Callable[[], FloatArray], layer: FloatArray) -> float:

@@ -1,9 +1,9 @@
-"""Draws time against error on logarithmic axes, as SVG without a library."""
+"""Draws time against error, and other curves, on logarithmic axes, as SVG without a library."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from xml.sax.saxutils import escape
 
 from fogpipe.bench.table import Row
@@ -33,8 +33,9 @@ def time_against_error(rows: Sequence[Row], case: str) -> str:
         x = MARGIN + across.share(error) * (WIDTH - 2 * MARGIN)
         return round(x, 1), round(HEIGHT - MARGIN - up.share(ratio) * (HEIGHT - 2 * MARGIN), 1)
 
-    parts = [_text(WIDTH / 2, 28, case, "middle", 16), _text(WIDTH / 2, HEIGHT - 16, "RMS error", "middle")]
-    parts.append(_text(12, 50, f"time / {next(row.yardstick for row in rows if row.case == case)}"))
+    first = next(row for row in rows if row.case == case)
+    parts = [_text(WIDTH / 2, 28, case, "middle", 16), _text(WIDTH / 2, HEIGHT - 16, first.measure, "middle")]
+    parts.append(_text(12, 50, f"time / {first.yardstick}"))
     for decade in across.decades():
         x, _ = place(decade, up.low)
         parts += [
@@ -51,6 +52,50 @@ def time_against_error(rows: Sequence[Row], case: str) -> str:
         parts.append(_line(own, colour))
         parts += [f'<circle cx="{x}" cy="{y}" r="4.5" fill="{colour}"/>' for x, y in own]
         parts.append(_text(own[0][0] + 8, own[0][1] - 8, solver, colour=colour))
+    return _drawing(parts)
+
+
+def curves(
+    title: str, across: tuple[str, Sequence[float]], up: str, lines: Mapping[str, Sequence[float]], decades: int = 4
+) -> str:
+    """SVG of several curves over one linear axis; the other is logarithmic, over the topmost decades.
+
+    Parameters
+    ----------
+    title : Above all.
+    across : Name of the linear axis, and the ascending places along it that all curves share.
+    up : Name of the logarithmic axis.
+    lines : By name, the values of a curve. A name that ends in `` *`` draws it dashed, in the colour of the one before.
+    decades : How many are shown below the largest value; what is below is left out.
+    """
+    name, places = across
+    largest = math.ceil(math.log10(max(max(values) for values in lines.values())))
+    axis = _Axis([10.0 ** (largest - decades), 10.0**largest])
+
+    def place(x: float, value: float) -> tuple[float, float]:
+        share = (x - places[0]) / (places[-1] - places[0])
+        height = HEIGHT - MARGIN - axis.share(value) * (HEIGHT - 2 * MARGIN)
+        return round(MARGIN + share * (WIDTH - 2 * MARGIN), 1), round(height, 1)
+
+    parts = [_text(WIDTH / 2, 28, title, "middle", 16), _text(WIDTH / 2, HEIGHT - 16, name, "middle")]
+    parts.append(_text(12, 50, up))
+    for decade in axis.decades():
+        _, y = place(places[0], decade)
+        parts += [_line([(MARGIN, y), (WIDTH - MARGIN, y)], "#ddd"), _text(MARGIN - 8, y + 4, f"{decade:g}", "end")]
+    step = max(5, 5 * round((places[-1] - places[0]) / 30))
+    for x in range(step * math.ceil(places[0] / step), math.floor(places[-1]) + 1, step):
+        parts.append(_text(place(x, axis.low)[0], HEIGHT - MARGIN + 18, f"{x:g}", "middle"))
+    solid = [line for line in lines if not line.endswith(" *")]
+    for row, (line, values) in enumerate(lines.items()):
+        colour = COLOURS[solid.index(line.removesuffix(" *")) % len(COLOURS)]
+        shown = [place(x, value) for x, value in zip(places, values, strict=True) if value >= axis.low]
+        parts.append(_line(shown, colour, "6 4" if line.endswith(" *") else "none"))
+        if line in solid:
+            parts.append(_text(WIDTH - MARGIN - 8, MARGIN + 18 + 9 * row, line, "end", colour=colour))
+    return _drawing(parts)
+
+
+def _drawing(parts: Sequence[str]) -> str:
     body = "\n".join(parts)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif">\n'

@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
+from fogpipe import bench
 from fogpipe.cli import options as o
 from fogpipe.errors import RequestError
 
 
 def command(
-    subject: Annotated[str, typer.Argument(help="What to measure: overhead, haze, blur.")],
+    subject: Annotated[str, typer.Argument(help=f"What to measure: {', '.join(bench.SUBJECTS)}.")],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="DIR", help="Write CSV, JSON and pictures here.")
     ] = None,
@@ -21,7 +22,6 @@ def command(
     as_json: o.AsJson = False,
 ) -> None:
     """Measure speed against error, as ratios to a named yardstick in this process."""
-    from fogpipe import bench
     from fogpipe.bench import chart, table
     from fogpipe.io.atomic import atomic_write
 
@@ -42,3 +42,5 @@ def command(
         for name, text in files.items():
             with atomic_write(out / name) as temporary:
                 temporary.write_text(text, encoding="utf-8")
+        if draw := bench.pictures(subject):
+            draw(out, quick)

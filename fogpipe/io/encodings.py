@@ -33,6 +33,7 @@ class DepthEncoding:
     unknown : the number that means "not measured", or None. NaN always means it.
     sky : the number from which on the pixel is sky, infinitely far, or None. +inf always means it,
         unless ``unknown`` is +inf.
+    background : the number that a renderer leaves where nothing was hit, which is sky as well, or None.
     needs : what the camera file must hold beyond the intrinsic matrix, ``()`` if none is needed.
     source : where the convention is laid down.
     """
@@ -47,6 +48,7 @@ class DepthEncoding:
     rotated: bool = False
     unknown: float | None = None
     sky: float | None = None
+    background: float | None = None
     needs: tuple[str, ...] = ()
     source: str = "fogpipe"
 
@@ -71,6 +73,8 @@ class DepthEncoding:
             marks.append(f"{self.unknown:g} unknown")
         elif not self.whole:
             marks.append("NaN unknown")
+        if self.background is not None:
+            marks.append(f"{self.background:g} sky")
         if self.sky is not None:
             marks.append(f"{self.sky:g} and more sky")
         elif self.whole and self.quantity == "disparity":
@@ -174,11 +178,11 @@ _TABLE = (
     ),
     DepthEncoding(
         name="exr-z",
-        meaning="Z of a renderer, scene units taken as metres, 0 where there is background",
+        meaning="Z of a renderer, scene units taken as metres, 0 where nothing was hit",
         quantity="planar",
         files=("exr",),
         whole=False,
-        unknown=0,
+        background=0,
         sky=1e9,  # Blender writes 1e10 where a ray hits nothing.
         source="OpenEXR, technical introduction (channel Z)",
     ),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -91,7 +90,8 @@ def read_given(
     ----------
     name : how messages call it.
     kind : what it is; a camera is not read here, see :func:`camera_given`.
-    text : the path, or the number itself where the kind is a single number.
+    text : the path, or the number itself where the kind is a single number. A mask may be a part of a file, such as
+        ``layers.tif#tree``, see :func:`fogpipe.io.masks.read_mask`.
     color : the working space of pictures.
     encoding, camera : how a distance is written, see :func:`fogpipe.io.depth.read_depth`.
 
@@ -112,12 +112,15 @@ def read_given(
         notes = (f"{name}: {picture.description}",)
         return Given(picture.pixels, kind.name, text, notes, picture.alpha, picture.orientation)
     if kind.name in DISTANCES:
-        array, notes = _distance(name, kind, Path(text), encoding, camera)
+        array, notes = _distance(name, kind, text, encoding, camera)
         return Given(array, kind.name, text, notes)
+    if kind.dtype == "bool":
+        from fogpipe.io.masks import read_mask
+
+        return Given(read_mask(text), kind.name, text)
     from fogpipe.io.maps import read_map
 
-    array = read_map(text)
-    return Given(array > 0.5 if kind.dtype == "bool" else array, kind.name, text)
+    return Given(read_map(text), kind.name, text)
 
 
 def camera_given(camera: CameraFile, others: Mapping[str, Given]) -> Given:
@@ -130,7 +133,7 @@ def camera_given(camera: CameraFile, others: Mapping[str, Given]) -> Given:
 
 
 def _distance(
-    name: str, kind: Kind, path: Path, encoding: str | None, camera: CameraFile | None
+    name: str, kind: Kind, path: str, encoding: str | None, camera: CameraFile | None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     from fogpipe.io.depth import read_depth, to_range
 

@@ -64,6 +64,25 @@ def require_nonnegative(**maps: np.ndarray) -> None:
             raise ValueError(f"{name} is negative at {count} pixels (smallest {smallest:g}); mark unknown ones as NaN.")
 
 
+def require_finite(**maps: np.ndarray) -> None:
+    """Refuse maps with a NaN or an infinity, which a filter would spread. Costs two passes at the speed of memory.
+
+    Raises
+    ------
+    ValueError
+        Names the map, how many of its values are not finite, and the index of the first.
+    """
+    for name, array in maps.items():
+        if np.isfinite(array.min()) and np.isfinite(array.max()):  # which are NaN where there is one
+            continue
+        faulty = ~np.isfinite(array)
+        place = ", ".join(map(str, np.argwhere(faulty)[0]))
+        raise ValueError(
+            f"{name} is NaN or infinite at {np.count_nonzero(faulty)} of {array.size} values, the first at index"
+            f" ({place}); fill them before, or check what made them."
+        )
+
+
 def _size(array: np.ndarray) -> str:
     height, width = array.shape[:2]
     return f"{width} × {height}"

@@ -46,6 +46,7 @@ class _Checker:
         self.unresolved: set[str] = set(spec.broken)
         self.used_params = {value[1:] for value in spec.replaced.values() if _is_parameter(value)}
         self.meant: set[str] = set()
+        self.unsettled: set[Path] = set()
 
     def graph(self) -> Graph:
         self._find_stages()
@@ -182,6 +183,8 @@ class _Checker:
     def _report_parameter(self, name: str, contract: Contract, fault: Any) -> None:
         key = str(fault["loc"][0])
         path = ("stages", name, "with", key)
+        if path in self.unsettled:
+            return
         if fault["type"] == "extra_forbidden":
             hint = suggestion(key, contract.model.model_fields)
             self.spec.problem(path, f"is not a parameter of {contract.name}.{hint}")
@@ -201,6 +204,8 @@ class _Checker:
         name = value[1:]
         self.used_params.add(name)
         if name not in self.file.params:
+            self.used_params.add(closest(name, self.file.params) or name)  # which is what was meant to be used
+            self.unsettled.add(path)
             self.spec.problem(path, f'there is no parameter "{name}" under params.{suggestion(name, self.file.params)}')
             return None
         return self.file.params[name]

@@ -9,13 +9,20 @@ from typing import Annotated, Any, Literal
 
 import yaml
 from annotated_types import Ge, Gt
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from fogpipe.errors import Problem, suggestion
 from fogpipe.pipeline.reading import Document, Path, Place, read_value, read_yaml
 from fogpipe.ports import Color
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+
+
+def _not_a_truth_value(value: Any) -> Any:
+    return str(value) if isinstance(value, bool) else value  # True equals 1, and is no version
+
+
+Version = Annotated[Literal[1], BeforeValidator(_not_a_truth_value)]
 
 
 class StageUse(BaseModel):
@@ -35,7 +42,7 @@ class PipelineFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    fogpipe: Literal[1] = Field(description="Version of the file format.")
+    fogpipe: Version = Field(description="Version of the file format.")
     title: str = Field("", description="One line for people.")
     color: Color = Field("linear", description="What the numbers mean inside: linear light, or sRGB display values.")
     seed: Annotated[int, Ge(0)] = Field(0, description="Seed of everything random.")

@@ -97,13 +97,34 @@ def publish(draft: Path, folder: Path) -> None:
     """Move complete files from ``draft`` into ``folder``: the old record goes first, the new one comes last."""
     if (folder / RECORD_NAME).is_dir():
         raise OutputError(f"cannot write {folder / RECORD_NAME}: it is a folder. Choose another folder with -o.")
-    old = _files_of_record(folder)
-    (folder / RECORD_NAME).unlink(missing_ok=True)
-    names = sorted((path.name for path in draft.iterdir()), key=lambda name: name == RECORD_NAME)
-    for name in old - set(names):
-        (folder / name).unlink(missing_ok=True)
-    for name in names:
-        os.replace(draft / name, folder / name)
+    with _alone_in(folder):
+        old = _files_of_record(folder)
+        (folder / RECORD_NAME).unlink(missing_ok=True)
+        names = sorted((path.name for path in draft.iterdir()), key=lambda name: name == RECORD_NAME)
+        for name in old - set(names):
+            (folder / name).unlink(missing_ok=True)
+        for name in names:
+            os.replace(draft / name, folder / name)
+
+
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """Wait until no other run publishes into ``folder``, so that the files of two runs never mix.
+
+    The lock goes with the process, however it ends, and leaves no file. Windows cannot lock a folder.
+    """
+    try:
+        import fcntl
+    except ModuleNotFoundError:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # some network file systems have no locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _files_of_record(folder: Path) -> set[str]:

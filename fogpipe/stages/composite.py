@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
+from annotated_types import Ge
 
 from fogpipe.kernels.arrays import floats, require_maps
-from fogpipe.ports import Airlight, Image, Layer, Transmission
+from fogpipe.ports import Airlight, Density, Image, Layer, Transmission
 from fogpipe.stage import stage
 
 
@@ -153,6 +156,33 @@ def naive(image: Image, transmission: Transmission, airlight: Airlight) -> Image
 
     _require_known(transmission)
     return compositing.blend(image, transmission, airlight)
+
+
+@stage("composite.add_density")
+def add_density(image: Image, density: Density, *, strength: Annotated[float, Ge(0)] = 0.15) -> Image:
+    """Heterogeneous fog as published: noise added to the picture, R = J + k·n with n = ρ − 1.
+
+    Near and far pixels get the same noise, and dark ones may fall below 0. A density that varies the extinction
+    (:func:`fogpipe.stages.medium.transmission`) leaves clear what is near.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, J, display values.
+    density : (H, W) float, ρ, relative to its mean.
+    strength : k, in display values.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image.
+
+    References
+    ----------
+    Guo, Tang and Xiao 2014, *Foggy scene rendering based on transmission map estimation*, eq. 10. It leaves the mean
+    of n open; with 0 the noise changes no mean brightness.
+    """
+    require_maps(image=(image, 3), density=(density, 1))
+    image, density = floats(image, density)
+    return image + image.dtype.type(strength) * (density - 1)[..., None]
 
 
 def _require_known(transmission: Transmission) -> None:

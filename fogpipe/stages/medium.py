@@ -22,6 +22,43 @@ Threshold = Literal["wmo-5%", "koschmieder-2%"]
 _CONTRAST: dict[str, float] = {"wmo-5%": 0.05, "koschmieder-2%": 0.02}
 
 
+Weather = Literal[
+    "dense-fog",
+    "thick-fog",
+    "moderate-fog",
+    "light-fog",
+    "thin-fog",
+    "haze",
+    "light-haze",
+    "clear",
+    "very-clear",
+    "extremely-clear",
+]
+"""The international visibility grades 0 to 9, as Guo 2014, Table 1, lists them."""
+
+VISIBILITY: dict[Weather, tuple[float, float]] = {
+    "dense-fog": (12.5, 50),
+    "thick-fog": (50, 200),
+    "moderate-fog": (200, 500),
+    "light-fog": (500, 1_000),
+    "thin-fog": (1_000, 2_000),
+    "haze": (2_000, 4_000),
+    "light-haze": (4_000, 10_000),
+    "clear": (10_000, 20_000),
+    "very-clear": (20_000, 50_000),
+    "extremely-clear": (50_000, 1_540_000),
+}
+"""Bounds of the visibility in each grade, metres; a grade stands for their geometric mean.
+
+The table leaves the first and the last grade open. The densest is given the width of the next one, a factor of 4, and
+stands for 25 m. The clearest is given the bound that makes it stand for the extinction of the table, 0.0141 per
+kilometre or 277 km, that of air without any particles.
+"""
+
+
+METRES_PER_KILOMETRE = 1_000
+
+
 class Medium(NamedTuple):
     """Coefficients of a homogeneous medium, per metre; the extinction is the sum of the other two."""
 
@@ -74,6 +111,12 @@ def visibility_from_extinction(extinction: float, threshold: Threshold = "wmo-5%
     return -math.log(_CONTRAST[threshold]) / extinction if extinction else math.inf
 
 
+def visibility_of(weather: Weather) -> float:
+    """The visibility that a grade of weather stands for, metres: the geometric mean of its bounds."""
+    least, most = VISIBILITY[weather]
+    return math.sqrt(least * most)
+
+
 @stage("medium.fog")
 def fog(
     farthest: Length,
@@ -81,20 +124,22 @@ def fog(
     optical_thickness: Annotated[float, Ge(0)] = 1.0,
     visibility: Annotated[float, Gt(0), Unit("m")] | None = None,
     extinction: Annotated[float, Ge(0), Unit("1/m")] | None = None,
+    weather: Weather | None = None,
     threshold: Threshold = "wmo-5%",
     albedo: Annotated[float, Ge(0), Le(1)] = 1.0,
 ) -> Medium:
-    r"""A homogeneous medium: how dense it is, said in one of three ways, and how much of it scatters.
+    r"""A homogeneous medium: how dense it is, said in one of four ways, and how much of it scatters.
 
     Parameters
     ----------
     farthest : Largest measured range of the scene Rmax, metres. Only the optical thickness needs it.
     optical_thickness : β Rmax, the extinction in the normalised units of the paper, κa' + κs'. At 1 the farthest
-        point keeps 37 % of its contrast, whatever the size of the scene. Used when neither ``visibility``
-        nor ``extinction`` is given.
+        point keeps 37 % of its contrast, whatever the size of the scene. Used when nothing else
+        is given.
     visibility : Distance at which contrast falls to the threshold, metres; infinite for clear air.
     extinction : β, per metre.
-    threshold : The contrast that ``visibility`` refers to.
+    weather : A grade of visibility by name, ``dense-fog`` to ``extremely-clear`` (:data:`VISIBILITY`).
+    threshold : The contrast that ``visibility`` and ``weather`` refer to.
     albedo : Single-scattering albedo κs / (κa + κs). Water droplets only scatter, 1; smoke may be near 0.3.
 
     Returns
@@ -104,8 +149,8 @@ def fog(
     Raises
     ------
     ValueError
-        If both ``visibility`` and ``extinction`` are given, or if the optical thickness has no distance to
-        refer to, because nothing in the scene has a measured range, or none above 0.
+        If more than one of ``visibility``, ``extinction`` and ``weather`` is given, or if the optical thickness has no
+        distance to refer to, because nothing in the scene has a measured range, or none above 0.
 
     Notes
     -----
@@ -114,10 +159,13 @@ def fog(
 
     References
     ----------
-    Hansard 2019, *Fast synthesis of atmospheric image effects*, sections 2.1 and 5.1; WMO-No. 8, chapter 9.
+    Hansard 2019, *Fast synthesis of atmospheric image effects*, sections 2.1 and 5.1; WMO-No. 8, chapter 9;
+    Guo, Tang and Xiao 2014, Table 1.
     """
-    if visibility is not None and extinction is not None:
-        raise ValueError("give visibility or extinction, not both: each of them fixes the other.")
+    if sum(given is not None for given in (visibility, extinction, weather)) > 1:
+        raise ValueError("give visibility or extinction or weather, not two of them: each fixes the others.")
+    if weather is not None:
+        visibility = visibility_of(weather)
     if visibility is not None:
         extinction = extinction_from_visibility(visibility, threshold)
     elif extinction is None:
@@ -178,3 +226,57 @@ def transmission(range_map: Range, extinction: Coefficient, density: Density | N
         t[np.isnan(t) & ~np.isnan(range_map)] = 0  # 0 · ∞: no medium, however far, or nothing in between
     np.exp(t, out=t)
     return t
+
+
+@stage("medium.thicken")
+def thicken(
+    transmission: Transmission,
+    density: Density | None = None,
+    *,
+    factor: Annotated[float, Ge(0)] | None = None,
+    weather: Weather | None = None,
+    threshold: Threshold = "koschmieder-2%",
+    floor: Annotated[float, Ge(0), Le(1)] = 0.1,
+) -> Transmission:
+    r"""Transmission through a medium that is λ times as dense, :math:`\max(t^{\lambda\rho}, t_0)`.
+
+    Parameters
+    ----------
+    transmission : (H, W) float, t in [0, 1]. NaN where unknown.
+    density : (H, W) float, optional. Density ρ of the medium relative to its mean.
+    factor : λ, by which the optical thickness −ln t grows; 1 when neither it nor ``weather`` is given.
+    weather : A grade of visibility by name instead of a factor. λ is then its extinction in units of 1/km, which is
+        how Tables 2 and 3 of the paper pair the two: the transmission at λ = 1 is seen as that of 1 per kilometre.
+    threshold : The contrast that ``weather`` refers to; Table 1 has 2 %.
+    floor : t₀, least transmission, so that no point vanishes altogether.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 transmission, in [t₀, 1]. Unknown stays NaN. λ ρ = 0 gives 1, also where
+    the transmission is 0.
+
+    Raises
+    ------
+    ValueError
+        If both ``factor`` and ``weather`` are given, a density is negative, or the sizes differ.
+
+    Notes
+    -----
+    Deviates from the paper: its eq. 8 divides by max(t^λ, t₀), which takes fog away; this is for eq. 1, which adds it.
+
+    References
+    ----------
+    Guo, Tang and Xiao 2014, *Foggy scene rendering based on transmission map estimation*, section 4.3, Tables 1 to 3.
+    """
+    maps = {"transmission": transmission} if density is None else {"transmission": transmission, "density": density}
+    require_maps(**{name: (array, 1) for name, array in maps.items()})
+    require_nonnegative(**maps)
+    if factor is not None and weather is not None:
+        raise ValueError("give factor or weather, not both: each of them fixes the other.")
+    if weather is not None:
+        factor = METRES_PER_KILOMETRE * extinction_from_visibility(visibility_of(weather), threshold)
+    t, *rest = floats(*maps.values())
+    power = t.dtype.type(1.0 if factor is None else factor)
+    thicker = np.maximum(np.power(t, power * rest[0] if rest else power), t.dtype.type(floor))
+    thicker[np.isnan(t)] = np.nan  # also to the power of 0
+    return thicker

@@ -152,6 +152,11 @@ def test_a_bad_scene_file_is_refused_when_opened(folder, text, message):
     assert "scene.yaml" in str(caught.value)
 
 
+def test_a_picture_is_no_scene(folder):
+    with pytest.raises(InputError, match="Give a picture itself by -i image=FILE"):
+        open_scene(folder / "rgb.png")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -166,8 +166,7 @@ def test_a_parameter_under_in_and_a_port_under_with_are_explained(registry):
 
 def test_unknown_kind_unknown_dollar_and_supplied_argument(registry):
     assert 'no kind "Imag"' in only(registry, GOOD.replace("image: Image", "image: Imag")).what
-    found = problems(registry, GOOD.replace("$beta", "$bta"))
-    assert any('Did you mean "beta"' in p.what for p in found)
+    assert 'Did you mean "beta"' in only(registry, GOOD.replace("$beta", "$bta")).what
     noisy = GOOD.replace(
         "toy.paint, in: {image: image, transmission: t}", "toy.noise, in: {image: image}, with: {rng: 1}"
     )
@@ -187,6 +186,10 @@ def test_form_faults_are_found_together_with_faults_of_the_graph(registry):
     text = GOOD.replace("outputs:", "ouputs: {}\ncolor: blue\noutputs:").replace("toy.split", "toy.spilt")
     found = problems(registry, text)
     assert {p.where for p in found} == {"ouputs", "color", "stages.parts.use"}
+
+
+def test_the_version_is_a_number(registry):
+    assert "should be 1" in only(registry, GOOD.replace("fogpipe: 1", "fogpipe: true")).what
 
 
 def test_a_stage_without_use_is_reported_once(registry):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -88,3 +90,15 @@ def test_a_few_numbers_of_any_kind_stand_in_the_record(tmp_path: Path):
     assert not kinds["Length"].is_per_pixel(np.array(1.0))
     assert kinds["Airlight"].is_per_pixel(np.ones((1, 1, 3)))
     assert kinds["Range"].is_per_pixel(np.ones((1, 1)))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot lock a folder")
+def test_runs_that_end_at_the_same_moment_do_not_mix(tmp_path: Path):
+    def publish_own(run: int) -> None:
+        write_run(tmp_path, {f"{index}.txt": f"run {run}" for index in range(20)} | {f"only-{run}.txt": f"run {run}"})
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(publish_own, range(40)))
+    recorded = json.loads((tmp_path / RECORD_NAME).read_text())["outputs"]
+    assert names(tmp_path) == {*recorded, RECORD_NAME}
+    assert len({(tmp_path / name).read_text() for name in recorded}) == 1

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from fogpipe.stages.composite import add, attenuate, colour, naive, opaque, over_airlight
+from fogpipe.stages.composite import add, add_density, attenuate, colour, naive, opaque, over_airlight
 
 RNG = np.random.default_rng(11)
 IMAGE = RNG.random((7, 9, 3), dtype=np.float32) * 3
@@ -105,3 +105,11 @@ def test_unknown_transmission_is_refused_with_the_way_out():
 def test_arrays_that_do_not_belong_together_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_published_noise_is_added_whatever_the_distance():
+    density = RNG.random((7, 9), dtype=np.float32) * 2
+    noise = add_density(IMAGE, density, strength=0.15) - IMAGE
+    # A sum and a difference of float32 numbers up to 3.
+    np.testing.assert_allclose(noise, 0.15 * np.repeat((density - 1)[..., None], 3, axis=2), atol=5e-7)
+    np.testing.assert_array_equal(add_density(IMAGE, np.ones((7, 9), np.float32)), IMAGE)

@@ -9,7 +9,29 @@ import pytest
 from fogpipe.stage import is_stage
 from fogpipe.testing import check_stage
 
-SUBJECTS = ("airlight", "blur", "composite", "medium", "range", "sky")
+SUBJECTS = (
+    "airlight",
+    "blur",
+    "composite",
+    "denoise",
+    "density",
+    "depth",
+    "haze",
+    "haziness",
+    "layers",
+    "medium",
+    "metric",
+    "noise",
+    "participating",
+    "prior",
+    "range",
+    "refine",
+    "restore",
+    "scattering",
+    "segments",
+    "sky",
+    "structure",
+)
 STAGES = {
     stage.__stage__.name: stage
     for subject in SUBJECTS

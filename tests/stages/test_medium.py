@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -9,7 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fogpipe.stages.medium import extinction_from_visibility, fog, transmission, visibility_from_extinction
+from fogpipe.stages.medium import (
+    VISIBILITY,
+    extinction_from_visibility,
+    fog,
+    thicken,
+    transmission,
+    visibility_from_extinction,
+)
 
 CONTRAST = {"wmo-5%": 0.05, "koschmieder-2%": 0.02}
 NOTHING_MEASURED = np.array(np.nan)
@@ -76,7 +84,7 @@ def test_visibility_and_extinction_come_before_the_thickness():
 
 
 def test_two_answers_to_one_question_are_refused():
-    with pytest.raises(ValueError, match="visibility or extinction, not both"):
+    with pytest.raises(ValueError, match="visibility or extinction or weather, not two"):
         fog(np.array(10.0), visibility=50.0, extinction=0.1)
 
 
@@ -141,3 +149,93 @@ def test_impossible_coefficient_is_refused(bad):
 def test_sizes_must_agree():
     with pytest.raises(ValueError, match="density has 2 × 3 pixels but range_map has 3 × 2"):
         transmission(np.ones((2, 3)), np.array(0.1), np.ones((3, 2)))
+
+
+# Guo 2014, Table 1: visibility in metres and extinction per kilometre at the denser bound of each grade, 2 %.
+TABLE_1 = {
+    "thick-fog": (50, 78.2),
+    "moderate-fog": (200, 19.6),
+    "light-fog": (500, 7.82),
+    "thin-fog": (1_000, 3.91),
+    "haze": (2_000, 1.96),
+    "clear": (10_000, 0.391),
+    "very-clear": (20_000, 0.196),
+    "extremely-clear": (50_000, 0.078),
+}
+# Tables 2 and 3: λ and the weather that the authors see.
+TABLES_2_AND_3 = [
+    (0.4, "light-haze"),
+    (1.0, "haze"),
+    (2.0, "thin-fog"),
+    (5.0, "light-fog"),
+    (20.0, "thick-fog"),
+    (0.6, "light-haze"),
+    (1.8, "haze"),
+    (4.0, "light-fog"),
+    (15.0, "moderate-fog"),
+    (25.0, "thick-fog"),
+]
+
+
+@pytest.mark.parametrize("weather", TABLE_1)
+def test_the_grades_are_those_of_table_1(weather):
+    visibility, per_kilometre = TABLE_1[weather]
+    assert VISIBILITY[weather][0] == visibility
+    # Three digits are printed, and 3.912/50 km = 0.0782 as 0.078.
+    assert 1000 * extinction_from_visibility(visibility, "koschmieder-2%") == pytest.approx(per_kilometre, rel=5e-3)
+
+
+def test_the_grades_follow_each_other_without_a_gap():
+    bounds = list(VISIBILITY.values())
+    assert all(denser[1] == clearer[0] for denser, clearer in itertools.pairwise(bounds))
+
+
+def test_the_clearest_grade_has_the_extinction_of_table_1():
+    extinction = fog(NOTHING_MEASURED, weather="extremely-clear", threshold="koschmieder-2%").extinction
+    assert 1000 * extinction == pytest.approx(0.0141, rel=2e-3)  # three digits
+
+
+@pytest.mark.parametrize(("factor", "weather"), TABLES_2_AND_3)
+def test_the_factors_of_tables_2_and_3_are_extinctions_per_kilometre(factor, weather):
+    nearest, farthest = (extinction_from_visibility(bound, "koschmieder-2%") for bound in VISIBILITY[weather])
+    assert 1000 * nearest >= factor >= 1000 * farthest
+
+
+def test_weather_is_a_visibility_by_name():
+    medium = fog(NOTHING_MEASURED, weather="moderate-fog")
+    assert medium.extinction == extinction_from_visibility(math.sqrt(200 * 500))
+    with pytest.raises(ValueError, match="not two of them"):
+        fog(NOTHING_MEASURED, weather="haze", visibility=100)
+
+
+def test_more_is_always_more_fog():
+    t = np.random.default_rng(1).random((6, 7))
+    thicker = [thicken(t, factor=factor) for factor in (0, 0.4, 1, 2, 5, 20, 100)]
+    assert all((denser <= clearer).all() for clearer, denser in itertools.pairwise(thicker))
+    assert (thicker[0] == 1).all()
+    assert thicker[-1].min() == 0.1
+
+
+def test_the_factor_multiplies_the_optical_thickness():
+    t = np.exp(-np.linspace(0, 2, 9)).reshape(3, 3)
+    # A power of an exponential: a few units in the last place.
+    np.testing.assert_allclose(thicken(t, factor=3, floor=0), t**3, rtol=1e-14)
+    np.testing.assert_allclose(thicken(t, np.full((3, 3), 2.0), factor=1.5, floor=0), t**3, rtol=1e-14)
+
+
+@pytest.mark.parametrize("floor", [0.0, 1.0])
+@pytest.mark.parametrize("factor", [0.0, 100.0])
+def test_extremes_of_the_factor_and_the_floor(factor, floor):
+    t = np.array([[0.0, 1e-38, 0.5, 1.0, np.nan]], np.float32)
+    thicker = thicken(t, factor=factor, floor=floor)
+    assert np.isnan(thicker[0, 4])
+    expected = [1.0] * 4 if factor == 0 or floor == 1 else [0, 0, 0, 1]
+    np.testing.assert_allclose(thicker[0, :4], expected, atol=1e-30)  # 0.5 to the power of 100
+
+
+def test_weather_gives_the_factor():
+    t = np.array([[0.9, 0.99]])
+    factor = 1000 * extinction_from_visibility(math.sqrt(50 * 200), "koschmieder-2%")
+    np.testing.assert_array_equal(thicken(t, weather="thick-fog"), thicken(t, factor=factor))
+    with pytest.raises(ValueError, match="factor or weather, not both"):
+        thicken(t, weather="haze", factor=1)

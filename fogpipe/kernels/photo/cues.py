@@ -1,0 +1,117 @@
+"""What of a photograph is sky, and what stands in front of its background."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fogpipe.kernels.arrays import FloatArray
+
+
+def lab(display: FloatArray) -> FloatArray:
+    """CIE L*a*b* of display values in [0, 1]."""
+    import cv2
+
+    return np.asarray(cv2.cvtColor(np.ascontiguousarray(display, np.float32), cv2.COLOR_RGB2Lab), np.float32)
+
+
+def reduced(picture: np.ndarray, longest: int) -> np.ndarray:
+    """The picture with the longer side at most ``longest`` pixels, and its dtype."""
+    import cv2
+
+    shrink = min(1.0, longest / max(picture.shape[:2]))
+    size = [max(1, round(shrink * side)) for side in picture.shape[1::-1]]
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if shrink < 1 else picture
+
+
+def smoothed(colour: FloatArray) -> FloatArray:
+    """Texture and noise removed, edges kept: what borders of objects are measured on."""
+    import cv2
+
+    return np.asarray(cv2.bilateralFilter(colour, 5, 12, 3), np.float32)
+
+
+def sky_likelihood(colour: FloatArray, flat: FloatArray, lowest: float) -> FloatArray:
+    """How likely each pixel is sky, 0 to 1: like sky in colour, and joined to the upper edge without a border.
+
+    Sky is neither warm nor green, it is smooth, and brighter than half of the photo unless it is a deep blue.
+
+    Parameters
+    ----------
+    colour, flat : (H, W, 3) L*a*b* of the photo, and the same :func:`smoothed`.
+    lowest : how low sky may reach, as a share of the height.
+    """
+    import cv2
+
+    lightness, red, yellow = np.moveaxis(colour, -1, 0)
+    hue = _above(8 - yellow, 3) * _above(red + 14, 3)
+    bright = np.maximum(_above(lightness - max(float(np.median(lightness)), 45), 6), _above(-14 - yellow, 3))
+    grain = cv2.GaussianBlur(np.abs(lightness - cv2.GaussianBlur(lightness, (0, 0), 2)), (0, 0), 2)
+    seeds = np.zeros(lightness.shape, bool)
+    alike = hue * bright
+    seeds[0] = (alike * np.exp(-((grain / 4) ** 2)))[0] > 0.5
+    if not seeds.any():
+        return np.zeros_like(lightness)
+    rows = (np.arange(len(lightness), dtype=np.float32)[:, None] + np.float32(0.5)) / len(lightness)
+    joined = np.exp(-((geodesic(flat, seeds, noise=2) / 18) ** 2))
+    return alike * joined * _above(np.float32(lowest) - rows, 0.04)
+
+
+def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
+    """Share of sky in each pixel, 0 to 1, at the size of the photo: sharp at leaves and masts.
+
+    Near what is sky for certain, a pixel is sky as far as its colour is that of the sky beside it.
+
+    Parameters
+    ----------
+    display : (H, W, 3) display values in [0, 1].
+    sky : (h, w) likelihood of sky, on a coarser grid.
+    """
+    import cv2
+
+    rows, columns = display.shape[:2]
+    coarse = lab(np.asarray(cv2.resize(display, sky.shape[::-1], interpolation=cv2.INTER_AREA), np.float32))
+    certain = cv2.erode(np.where(sky > 0.5, sky, 0).astype(np.float32), np.ones((3, 3), np.uint8))
+    spread = max(1.0, 0.03 * max(sky.shape))
+    weight = cv2.GaussianBlur(certain, (0, 0), spread)
+    beside = cv2.GaussianBlur(coarse * certain[..., None], (0, 0), spread) / np.maximum(weight, 1e-6)[..., None]
+    inner = cv2.erode(sky, np.ones((5, 5), np.uint8))
+    outer = cv2.GaussianBlur(cv2.dilate(sky, np.ones((13, 13), np.uint8)), (0, 0), 2)
+    fields = cv2.resize(np.dstack([beside, inner, outer]), (columns, rows))
+    difference = lab(display)
+    difference -= fields[..., :3]
+    beyond_noise = np.maximum(np.sqrt(np.einsum("ijk,ijk->ij", difference, difference)) - 6, 0)
+    alike = np.exp(-((beyond_noise / 9) ** 2))
+    return np.clip(np.maximum(alike * fields[..., 4], fields[..., 3]), 0, 1)
+
+
+def prominence(flat: FloatArray) -> FloatArray:
+    """How many borders lie between each pixel and the edge of the image, 0 to 1: what stands out is an object.
+
+    The geodesic saliency of Wei et al. 2012.
+    """
+    seeds = np.zeros(flat.shape[:2], bool)
+    seeds[[0, -1]] = True
+    seeds[:, [0, -1]] = True
+    distance = geodesic(flat, seeds, noise=3)
+    largest = max(float(np.percentile(distance, 95)), 20.0)  # less is a plain photo, in which nothing stands out
+    return np.minimum(distance / np.float32(largest), 1)
+
+
+def geodesic(flat: FloatArray, seeds: np.ndarray, noise: float) -> FloatArray:
+    """Least sum of steps in colour above ``noise`` on a way from a seed to each pixel. O(n log n)."""
+    from skimage.graph import MCP_Geometric
+
+    step = np.zeros(flat.shape[:2], np.float32)
+    across = np.linalg.norm(np.diff(flat, axis=1), axis=2) if flat.shape[1] > 1 else np.zeros((len(flat), 0))
+    down = np.linalg.norm(np.diff(flat, axis=0), axis=2)
+    step[:, 1:] += np.maximum(across - noise, 0)
+    step[1:] += np.maximum(down - noise, 0)
+    distance, _ = MCP_Geometric(step + np.float32(0.02)).find_costs(np.argwhere(seeds))
+    return distance.astype(np.float32)
+
+
+def _above(value: FloatArray, width: float) -> FloatArray:
+    """A soft step from 0 to 1 where ``value`` passes 0."""
+    from scipy.special import expit
+
+    return expit(value / np.float32(width))

@@ -1,0 +1,1 @@
+"""Atmospheric point spread functions, and blur with them from pixel to pixel."""

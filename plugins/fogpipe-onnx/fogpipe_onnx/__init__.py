@@ -1,0 +1,1 @@
+"""Learned monocular depth for fogpipe. The stages are in :mod:`fogpipe_onnx.depth`."""
