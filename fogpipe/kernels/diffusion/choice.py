@@ -56,7 +56,7 @@ FEWEST_PIXELS = 65_536
 ROUGHEST = 0.5
 """Step between neighbours over the variation, above which a layer is no photograph: 0.1 to 0.3 there, 1 in noise."""
 OF_DETAIL = 0.52
-"""Error of the polynomial on the pixels over its share and the detail of a photograph: 0.23 to 0.45 measured on eight."""
+"""Error of the polynomial on the pixels over its share and the detail of a photograph: on eight 0.23 to 0.45."""
 
 
 def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) -> FloatArray:

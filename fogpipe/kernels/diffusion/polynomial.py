@@ -25,7 +25,7 @@ from fogpipe.kernels.diffusion.grid import Level
 
 MARGINED = (96, 256)
 """Rows and columns of a tile with its margins: what a step touches nearly fits the second cache."""
-LARGEST_MARGIN = 12
+LARGEST_MARGIN = 16
 """Above this degree the margins cost more than another pass over the layer."""
 
 
@@ -50,7 +50,7 @@ def _left_out(spectrum: float, degree: int) -> float:
 
 
 def coefficients(spectrum: float, degree: int) -> np.ndarray:
-    """Chebyshev coefficients of the polynomial nearest to e^{−a} on [0, λ] that is 1 at a = 0, which conserves the mean.
+    """Chebyshev coefficients of the polynomial nearest to e^{−a} on [0, λ] that is 1 at a = 0: so the mean is kept.
 
     Nearest for a layer whose variance is spread over patterns like that of a photograph, evenly over the logarithm of
     a, and a tenth of it over all of [0, λ]. It leaves out half as much as the series of the same degree does once
@@ -172,6 +172,7 @@ _WIDTH = int(_CHANNEL)
 def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mobile, added, series, after):
     rows, columns = mass.shape
     margin = len(series) - 1
+    zero = layer.dtype.type(0)
     # One row more on each side, of conductance 0, so that every cell of a tile has four neighbours.
     tall = min(height + 2 * margin, rows) + 2
     size = tall * _WIDTH
@@ -190,7 +191,10 @@ def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mob
                     _copy(layer[y, 4 * left : 4 * right], after[y, 4 * left : 4 * right])
                 continue
             _load_layer(y0, y1, x0, x1, layer, mobile, added, values)
-            _first_step(*_range(1, y1 - y0 + 1, 0, x1 - x0), before, beside, below, inverse, series[0], series[1], now, total)
+            whole = _range(1, y1 - y0 + 1, 0, x1 - x0)
+            # Two terms are added to the sum at once, in the last step and every second one before it.
+            share = series[1] if margin % 2 else zero
+            _first_step(*whole, before, beside, below, inverse, series[0], share, now, total)
             older, newer = before, now
             for degree in range(2, margin + 1):
                 # Values one step from a cut are one step less good: only what the tile still needs is computed.
@@ -201,7 +205,11 @@ def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mob
                     max(left - needed, x0) - x0,
                     min(right + needed, x1) - x0,
                 )
-                _step(*part, newer, beside, below, inverse, series[degree], older, total)
+                if (margin - degree) % 2:
+                    _step(*part, newer, beside, below, inverse, older)
+                else:
+                    shares = series[degree - 1], series[degree]
+                    _step_and_sum(*part, newer, beside, below, inverse, *shares, older, total)
                 older, newer = newer, older
             _store(top, bottom, left, right, y0, x0, sums, after)
 
@@ -307,8 +315,20 @@ def _first_step(j0, j1, start, size, now, beside, below, inverse, constant, shar
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})
-def _step(j0, j1, start, size, now, beside, below, inverse, share, older, total):
+def _step(j0, j1, start, size, now, beside, below, inverse, older):
     """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; ``older`` holds T(k−1), then T(k+1)."""
+    for j in range(j0, j1):
+        for i in range(size):
+            b = j * _CHANNEL + start + i
+            west, east, north, south = beside[b - _ONE], beside[b], below[b - _CHANNEL], below[b]
+            for k in range(_FOUR):
+                a = j * _ROW + k * _CHANNEL + start + i
+                older[a] = (now[a] - older[a]) + now[a] + inverse[b] * _flow(now, a, west, east, north, south)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _step_and_sum(j0, j1, start, size, now, beside, below, inverse, share, next_share, older, total):
+    """A step, and what T(k) and T(k+1) add to the polynomial."""
     for j in range(j0, j1):
         for i in range(size):
             b = j * _CHANNEL + start + i
@@ -317,4 +337,4 @@ def _step(j0, j1, start, size, now, beside, below, inverse, share, older, total)
                 a = j * _ROW + k * _CHANNEL + start + i
                 after = (now[a] - older[a]) + now[a] + inverse[b] * _flow(now, a, west, east, north, south)
                 older[a] = after
-                total[a] += share * after
+                total[a] += share * now[a] + next_share * after
