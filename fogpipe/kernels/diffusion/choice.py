@@ -62,7 +62,24 @@ OF_DETAIL = 0.52
 def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) -> FloatArray:
     """Diffuse so that the root-mean-square error is at most ``tolerance`` (float32: 1e-5 of the variation or more)."""
     layer, scale = prepared(layer, scale, finest)
-    return split(layer, scale, finest, *choose(layer, scale, finest, tolerance))
+    part = _moving(scale, finest)
+    if scale[part].size == scale.size:
+        return split(layer, scale, finest, *choose(layer, scale, finest, tolerance))
+    after = layer.copy()
+    if scale[part].size:
+        inside, wanted = np.ascontiguousarray(layer[part]), np.ascontiguousarray(scale[part])
+        after[part] = split(inside, wanted, finest, *choose(inside, wanted, finest, tolerance))
+    return after
+
+
+def _moving(scale: FloatArray, finest: float) -> tuple[slice, slice]:
+    """The rectangle beyond which no light moves: one pixel around all that is blurred."""
+    blurred = scale > finest
+    sides = []
+    for axis in (1, 0):
+        lines = np.flatnonzero(blurred.any(axis=axis))
+        sides.append(slice(max(int(lines[0]) - 1, 0), int(lines[-1]) + 2) if lines.size else slice(0, 0))
+    return sides[0], sides[1]
 
 
 def reference(layer: np.ndarray, scale: np.ndarray, finest: float) -> FloatArray:
