@@ -232,9 +232,9 @@ def diffusion(
     -----
     ``"auto"`` splits the rates over levels of ever coarser cells, which never join both sides of an edge of the scale,
     and runs a Chebyshev polynomial of the operator on each; rates of 0 cost a copy. It chooses stretches of time,
-    levels and degree by a model of the error that was fitted to two scenes and is no bound, though on the full grid,
-    where it goes when the model asks for it, the bound is strict. Values may overshoot the least and the largest by a
-    few per cent of their difference. Memory: up to 3 layers more than the result.
+    levels and degree by models of the error that were fitted to eight scenes and are no bound; for a layer rougher
+    than a photograph it stays on the full grid, where its bound is strict. Values may overshoot the least and the
+    largest by a few per cent of their difference. Memory: up to 3 layers more than the result.
 
     ``"invariant-corrected"`` adds the variance that the scale asks for, at 1.23 times the steps. ``"fed"`` is Fast
     Explicit Diffusion in four cycles, ``"adi"`` eight implicit steps of tridiagonal systems, ``"reference"`` the
