@@ -60,6 +60,7 @@ def _module_summary(stage: Contract) -> str:
 def tables() -> dict[str, str]:
     """Every table that a page may name as ``{{ name }}``."""
     return {
+        "datasets": _datasets(),
         "encodings": _encodings(),
         "errors": f"```text\n{fogpipe.errors.__doc__}```",
         "kinds": _kinds(),
@@ -74,6 +75,14 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(str(cell).replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
+
+
+def _datasets() -> str:
+    """The docstring of every reader of fogpipe's own, as ``fogpipe datasets NAME`` prints it."""
+    from fogpipe.datasets.catalogue import find_reader, readers
+
+    own = [name for name, source in readers().items() if source.origin.startswith("fogpipe ")]
+    return "\n\n".join(f"**{name}**\n\n```text\n{inspect.getdoc(find_reader(name))}\n```" for name in own)
 
 
 def _encodings() -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
 
 import fogpipe
 from fogpipe.bench.chart import curves
+from fogpipe.bench.dehaze import draw
 from fogpipe.io.images import write_image
 from fogpipe.io.scenes import open_scene
 from fogpipe.kernels.perlin import field
@@ -207,6 +209,14 @@ def _write(name: str, rows: list[list[np.ndarray]], width: int) -> None:
     write_image(FOLDER / name, np.vstack([np.hstack(row) for row in small]), color=color)
 
 
+def dehazing() -> None:
+    """A hazy, noisy street and what every method makes of it, as `fogpipe bench dehaze` draws it."""
+    with TemporaryDirectory() as folder:
+        draw(Path(folder), quick=True)
+        sheet = cv2.imread(str(Path(folder) / "dehaze-outdoor-1.png"))
+    cv2.imwrite(str(FOLDER / "dehazing-experiment.jpg"), sheet, [cv2.IMWRITE_JPEG_QUALITY, 75])
+
+
 if __name__ == "__main__":
     outdoor()
     layers()
@@ -219,3 +229,4 @@ if __name__ == "__main__":
     photo_fog()
     guo_figures()
     photo_depth()
+    dehazing()

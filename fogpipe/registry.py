@@ -28,11 +28,11 @@ GROUP = "fogpipe.stages"
 
 @dataclass(frozen=True)
 class Source:
-    """Where the stages of one subject come from.
+    """Where the stages of one subject come from, or the reader of one data set.
 
     Attributes
     ----------
-    subject : the part of the stage names before the dot.
+    subject : the part of the stage names before the dot, or the name of the data set.
     origin : what people are told: a distribution and its version, or a file.
     load : imports the module.
     """
@@ -59,17 +59,7 @@ class Registry:
     @cached_property
     def sources(self) -> dict[str, list[Source]]:
         """Every known subject and the places that hold it."""
-        found: dict[str, list[Source]] = {}
-        for point in entry_points(group=GROUP):
-            source = Source(point.name, _origin(point), point.load)
-            if source.origin not in [other.origin for other in found.get(point.name, [])]:
-                found.setdefault(point.name, []).append(source)
-        for folder in self._folders:
-            if not folder.is_dir():
-                raise InputError(f"plugin folder {folder} does not exist.")
-            for path in sorted(folder.glob("[!_]*.py")):
-                found.setdefault(path.stem, []).append(Source(path.stem, str(path), _file_loader(path)))
-        return found
+        return find_sources(GROUP, self._folders)
 
     def find(self, name: str) -> Contract:
         """The contract of the stage ``name``.
@@ -108,6 +98,21 @@ class Registry:
                     self.failures[subject] = f"{source.origin}: {type(error).__name__}: {error}"
             self._loaded[subject] = dict(sorted(stages.items()))
         return self._loaded[subject]
+
+
+def find_sources(group: str, folders: Iterable[Path]) -> dict[str, list[Source]]:
+    """What installed packages name in a group of entry points, and every module in local folders; imports nothing."""
+    found: dict[str, list[Source]] = {}
+    for point in entry_points(group=group):
+        source = Source(point.name, _origin(point), point.load)
+        if source.origin not in [other.origin for other in found.get(point.name, [])]:
+            found.setdefault(point.name, []).append(source)
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError(f"plugin folder {folder} does not exist.")
+        for path in sorted(folder.glob("[!_]*.py")):
+            found.setdefault(path.stem, []).append(Source(path.stem, str(path), _file_loader(path)))
+    return found
 
 
 def _stages_in(source: Source) -> dict[str, Contract]:

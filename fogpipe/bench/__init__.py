@@ -2,13 +2,15 @@
 
 A *subject* is a function that yields :class:`~fogpipe.bench.table.Row`, one for each way of doing a thing:
 how long it takes as a ratio to a named yardstick, and how far it is from a named reference.
-Add one by writing its module and naming it in :data:`SUBJECTS`.
+Add one by writing its module and naming it in :data:`SUBJECTS`. A subject that has pictures to show beside its table
+has a function ``draw(folder, quick)``, too.
 """
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,6 +24,9 @@ SUBJECTS = {
     "density": "fogpipe.bench.density",
     "mrf": "fogpipe.bench.mrf",
     "photo": "fogpipe.bench.photo",
+    "dehaze": "fogpipe.bench.dehaze",
+    "airlight": "fogpipe.bench.airlight",
+    "batch": "fogpipe.bench.batch",
 }
 """Subjects by name, and the module that holds a function ``measure(quick)`` for each."""
 
@@ -29,3 +34,8 @@ SUBJECTS = {
 def subject(name: str) -> Callable[[bool], Iterator[Row]]:
     """The measuring function of a subject; KeyError where there is none of that name."""
     return importlib.import_module(SUBJECTS[name]).measure
+
+
+def pictures(name: str) -> Callable[[Path, bool], None] | None:
+    """The function that writes the pictures of a subject into a folder, if it has any."""
+    return getattr(importlib.import_module(SUBJECTS[name]), "draw", None)

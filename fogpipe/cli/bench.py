@@ -42,3 +42,5 @@ def command(
         for name, text in files.items():
             with atomic_write(out / name) as temporary:
                 temporary.write_text(text, encoding="utf-8")
+        if draw := bench.pictures(subject):
+            draw(out, quick)

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from fogpipe.cli import bench, check, draw, new_plugin, plan, replay, run, schema, show, stages
+from fogpipe.cli import batch, bench, check, datasets, draw, new_plugin, plan, replay, run, schema, show, stages
 from fogpipe.errors import FogpipeError
 
 app = typer.Typer(
@@ -43,7 +43,7 @@ def options(
     _debug = debug
 
 
-for module in (run, check, plan, draw, stages, show, schema, bench, replay, new_plugin):
+for module in (run, batch, check, plan, draw, stages, datasets, show, schema, bench, replay, new_plugin):
     name = module.__name__.rpartition(".")[2].replace("_", "-")
     app.command(name)(module.command)
 

@@ -52,7 +52,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # the umask applies
         try:
             yield temporary
-            _flush(temporary, os.O_RDWR)
+            flush(temporary, os.O_RDWR)
             with suppress(FileNotFoundError):
                 shutil.copymode(target, temporary)  # a private file stays private
             os.replace(temporary, target)
@@ -61,7 +61,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
                 temporary.unlink()
             raise
         with suppress(OSError):  # the file is in place; some systems cannot flush a folder
-            _flush(target.parent, os.O_RDONLY)
+            flush(target.parent, os.O_RDONLY)
     except OSError as error:
         advice = _ADVICE.get(error.errno or 0, "Choose another place.")
         cause = error.strerror or str(error)
@@ -80,7 +80,7 @@ def _refuse_irregular(path: str | os.PathLike[str], target: Path) -> None:
         raise OutputError(f"{path}: cannot be written: is not a regular file. Give the name of a file.")
 
 
-def _flush(path: Path, flags: int) -> None:
+def flush(path: Path, flags: int) -> None:
     """Make the operating system put what it holds of ``path`` on the disk."""
     descriptor = os.open(path, flags)
     try:

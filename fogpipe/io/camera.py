@@ -7,7 +7,9 @@ Files understood, told apart by what they hold:
 * Cityscapes JSON: ``{"intrinsic": {"fx", "fy", "u0", "v0"}, "extrinsic": {"baseline"}}``;
 * Middlebury 2014 ``calib.txt``: ``cam0=[fx 0 cx; 0 fy cy; 0 0 1]``, ``doffs``, ``baseline`` (mm), ``width`` and
   ``height``;
-* KITTI ``calib_cam_to_cam.txt``: ``P_rect_02`` and ``S_rect_02``, the left colour camera after rectification.
+* KITTI ``calib_cam_to_cam.txt``: ``P_rect_02`` and ``S_rect_02``, the left colour camera after rectification; the
+  ``calib`` files of its object detection, ``P2``; and the intrinsics of its depth selection, nine numbers;
+* Synscapes JSON: ``{"camera": {"intrinsic": {"fx", "fy", "u0", "v0", "resx", "resy"}}, …}``.
 """
 
 from __future__ import annotations
@@ -94,6 +96,11 @@ class CameraFile:
             )
 
 
+def camera_from(given: str | Path | Mapping[str, Any], source: str = "camera") -> CameraFile:
+    """A camera from its file, or from a mapping as in a scene file, which messages call ``source``."""
+    return camera_from_mapping(given, source) if isinstance(given, Mapping) else read_camera(given)
+
+
 def read_camera(path: str | Path) -> CameraFile:
     """Read a camera file in any of the forms above.
 
@@ -103,7 +110,6 @@ def read_camera(path: str | Path) -> CameraFile:
         If the file is missing, unreadable or of no known form; if a key is missing, unknown or not a
         finite number; if a focal length, baseline or size is not positive.
     """
-    path = Path(path)
     text = _text(path)
     if text.lstrip().startswith("{"):
         try:
@@ -113,11 +119,14 @@ def read_camera(path: str | Path) -> CameraFile:
         return camera_from_mapping(content, str(path))
     if "cam0" in text:
         return _from_middlebury(_key_values(text, "="), str(path))
-    if "P_rect_02" in text:
-        return _from_kitti(_key_values(text, ":"), str(path))
+    values = _key_values(text, ":")
+    if key := next((key for key in ("P_rect_02", "P2") if key in values), None):
+        return _from_kitti(values, key, str(path))
+    if _is_matrix(text.split()):
+        return _from_matrix(text.split(), str(path))
     raise InputError(
-        f"{path}: is not a camera file. Known forms: JSON with {', '.join(OWN_KEYS[:4])}; Cityscapes camera JSON;"
-        " Middlebury 2014 calib.txt; KITTI calib_cam_to_cam.txt."
+        f"{path}: is not a camera file. Known forms: JSON with {', '.join(OWN_KEYS[:4])}; Cityscapes and Synscapes"
+        " camera JSON; Middlebury 2014 calib.txt; KITTI calib_cam_to_cam.txt, calib and intrinsics."
     )
 
 
@@ -129,11 +138,15 @@ def camera_from_mapping(content: Mapping[str, Any], source: str) -> CameraFile:
     InputError
         As :func:`read_camera`.
     """
+    if "camera" in content:  # Synscapes, beside much else
+        content = _section(content, "camera", source)
     if "intrinsic" in content:
         intrinsic = _section(content, "intrinsic", source)
         baseline = _section(content, "extrinsic", source).get("baseline") if "extrinsic" in content else None
         content = {key: intrinsic.get(name) for key, name in zip(OWN_KEYS, ("fx", "fy", "u0", "v0"), strict=False)}
         content |= {} if baseline is None else {"baseline": baseline}
+        if "resx" in intrinsic and "resy" in intrinsic:
+            content |= {"width": intrinsic["resx"], "height": intrinsic["resy"]}
     for key in content:
         if key not in OWN_KEYS:
             meant = did_you_mean(str(key), OWN_KEYS)
@@ -150,13 +163,27 @@ def _from_middlebury(values: Mapping[str, str], source: str) -> CameraFile:
     return replace(camera, baseline=None if camera.baseline is None else camera.baseline / 1000)
 
 
-def _from_kitti(values: Mapping[str, str], source: str) -> CameraFile:
-    projection = values.get("P_rect_02", "").split()
+def _from_kitti(values: Mapping[str, str], key: str, source: str) -> CameraFile:
+    projection = values[key].split()
     if len(projection) != 12:
-        raise InputError(f"{source}: P_rect_02 holds {len(projection)} numbers, but a 3×4 projection matrix has 12.")
+        raise InputError(f"{source}: {key} holds {len(projection)} numbers, but a 3×4 projection matrix has 12.")
     given: dict[str, Any] = {"fx": projection[0], "cx": projection[2], "fy": projection[5], "cy": projection[6]}
     if size := values.get("S_rect_02", "").split():
         given |= zip(("width", "height"), size, strict=False)
+    return _camera(given.get, source)
+
+
+def _is_matrix(words: list[str]) -> bool:
+    """Whether these are the nine numbers of [fx 0 cx; 0 fy cy; 0 0 1], row by row."""
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return False
+    return len(numbers) == 9 and numbers[6:] == [0, 0, 1]
+
+
+def _from_matrix(words: list[str], source: str) -> CameraFile:
+    given: dict[str, Any] = {"fx": words[0], "cx": words[2], "fy": words[4], "cy": words[5]}
     return _camera(given.get, source)
 
 
@@ -188,7 +215,7 @@ def _number(value: Any, key: str, source: str) -> float:
 
 def _section(content: Mapping[str, Any], key: str, source: str) -> Mapping[str, Any]:
     if not isinstance(content[key], Mapping):
-        raise InputError(f"{source}: {key!r} must be a mapping, as in a Cityscapes camera file.")
+        raise InputError(f"{source}: {key!r} must be a mapping, as in a Cityscapes or Synscapes camera file.")
     return content[key]
 
 
@@ -197,7 +224,7 @@ def _key_values(text: str, separator: str) -> dict[str, str]:
     return {key.strip(): value.strip() for key, _, value in pairs}
 
 
-def _text(path: Path) -> str:
+def _text(path: str | Path) -> str:
     data = read_bytes(path)
     if len(data) > MAX_BYTES:
         raise InputError(f"{path}: is too large for a camera file.")

@@ -12,6 +12,7 @@ from fogpipe.errors import InputError
 from fogpipe.io.camera import CameraFile
 from fogpipe.io.depth_files import ORIGINAL, read_numbers
 from fogpipe.io.encodings import DepthEncoding, encoding_named, encodings_text
+from fogpipe.io.files import file_name
 from fogpipe.kernels.rays import planar_to_radial
 
 Geometry = Literal["planar", "radial", "relative"]
@@ -62,7 +63,6 @@ def read_depth(path: str | Path, *, encoding: str | None, camera: CameraFile | N
     Inverse depth cannot be told from depth by its numbers. A map that is farther at the bottom of the picture than at
     the top, where most scenes are nearer, gets a note that asks.
     """
-    path = Path(path)
     numbers = read_numbers(path)
     if encoding is None:
         choices = encodings_text(numbers.format)
@@ -74,7 +74,9 @@ def read_depth(path: str | Path, *, encoding: str | None, camera: CameraFile | N
     geometry: Geometry = "planar" if known.quantity == "disparity" else known.quantity
     values = values.astype(np.float32, copy=False)
     remarks = (numbers.note, _doubt(values))
-    return DepthMap(values, geometry, (_summary(path, values, known), *(f"{path.name}: {r}" for r in remarks if r)))
+    return DepthMap(
+        values, geometry, (_summary(path, values, known), *(f"{file_name(path)}: {r}" for r in remarks if r))
+    )
 
 
 def to_range(depth: DepthMap, camera: CameraFile | None) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -102,7 +104,7 @@ def to_range(depth: DepthMap, camera: CameraFile | None) -> tuple[np.ndarray, tu
     return planar_to_radial(depth.values, fitted.matrix), (*notes, f"planar depth made radial with {camera.source}")
 
 
-def _check_storage(path: Path, file_format: str, numbers: np.ndarray, encoding: DepthEncoding) -> None:
+def _check_storage(path: str | Path, file_format: str, numbers: np.ndarray, encoding: DepthEncoding) -> None:
     if file_format not in encoding.files:
         raise InputError(
             f"{path}: {encoding.name} is stored as {', '.join(encoding.files)}, not as {file_format};"
@@ -119,7 +121,7 @@ def _check_storage(path: Path, file_format: str, numbers: np.ndarray, encoding: 
         raise InputError(f"{path}: holds {numbers.dtype} values, but {encoding.name} is made of {wanted}. {ORIGINAL}")
 
 
-def _decode(path: Path, numbers: np.ndarray, encoding: DepthEncoding, camera: CameraFile | None) -> np.ndarray:
+def _decode(path: str | Path, numbers: np.ndarray, encoding: DepthEncoding, camera: CameraFile | None) -> np.ndarray:
     """Numbers of the file to metres, NaN and +inf; float64 if the file is, else float32."""
     if encoding.rotated:
         numbers = (numbers >> 3) | (numbers << 13)
@@ -140,7 +142,7 @@ def _decode(path: Path, numbers: np.ndarray, encoding: DepthEncoding, camera: Ca
 
 
 def _depth_from_disparity(
-    path: Path, disparity: np.ndarray, encoding: DepthEncoding, camera: CameraFile | None
+    path: str | Path, disparity: np.ndarray, encoding: DepthEncoding, camera: CameraFile | None
 ) -> np.ndarray:
     """``Z = baseline · fx / (disparity + doffs)``, +inf where the sum is 0; doffs only if the encoding needs it."""
     if camera is None or any(getattr(camera, need) is None for need in encoding.needs):
@@ -159,7 +161,7 @@ def _depth_from_disparity(
         return camera.baseline * float(camera.matrix[0, 0]) / (disparity + doffs)
 
 
-def _check_plausible(path: Path, values: np.ndarray, encoding: DepthEncoding) -> None:
+def _check_plausible(path: str | Path, values: np.ndarray, encoding: DepthEncoding) -> None:
     def refuse(what: str, count: int, hint: str) -> None:
         if count:
             raise InputError(f"{path}: as {encoding.name}, {count} of {values.size} pixels {what}. {hint}")
@@ -208,7 +210,7 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     return ranks[inverse] - (values.size + 1) / 2
 
 
-def _summary(path: Path, values: np.ndarray, encoding: DepthEncoding) -> str:
+def _summary(path: str | Path, values: np.ndarray, encoding: DepthEncoding) -> str:
     unknown, sky = np.isnan(values).mean(), np.isposinf(values).mean()
     finite = values[np.isfinite(values)]
     unit = "" if encoding.quantity == "relative" else " m"
@@ -216,4 +218,4 @@ def _summary(path: Path, values: np.ndarray, encoding: DepthEncoding) -> str:
     parts = [extent, f"{unknown:.1%} unknown", f"{sky:.1%} sky"]
     if unit and finite.size and finite.max() < 1:
         parts.append("all below 1 m: make sure that it is not relative depth")
-    return f"{path.name} as {encoding.name} ({encoding.formula}): {', '.join(parts)}"
+    return f"{file_name(path)} as {encoding.name} ({encoding.formula}): {', '.join(parts)}"

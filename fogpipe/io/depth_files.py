@@ -32,7 +32,7 @@ class Numbers(NamedTuple):
     note: str = ""
 
 
-def read_numbers(path: Path) -> Numbers:
+def read_numbers(path: str | Path) -> Numbers:
     """The numbers that a depth file holds, with their own dtype; the format is told by the content.
 
     Raises

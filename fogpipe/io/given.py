@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -113,7 +112,7 @@ def read_given(
         notes = (f"{name}: {picture.description}",)
         return Given(picture.pixels, kind.name, text, notes, picture.alpha, picture.orientation)
     if kind.name in DISTANCES:
-        array, notes = _distance(name, kind, Path(text), encoding, camera)
+        array, notes = _distance(name, kind, text, encoding, camera)
         return Given(array, kind.name, text, notes)
     if kind.dtype == "bool":
         from fogpipe.io.masks import read_mask
@@ -134,7 +133,7 @@ def camera_given(camera: CameraFile, others: Mapping[str, Given]) -> Given:
 
 
 def _distance(
-    name: str, kind: Kind, path: Path, encoding: str | None, camera: CameraFile | None
+    name: str, kind: Kind, path: str, encoding: str | None, camera: CameraFile | None
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     from fogpipe.io.depth import read_depth, to_range
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from fogpipe.errors import InputError, did_you_mean
-from fogpipe.io.camera import CameraFile, camera_from_mapping, read_camera
+from fogpipe.io.camera import CameraFile, camera_from
 from fogpipe.io.encodings import encoding_named
 from fogpipe.io.files import read_bytes
 from fogpipe.io.given import Given, GivenInputs, camera_given, read_given
@@ -101,7 +101,7 @@ def scene_from_files(
         raise InputError(f"{reference}: names the depth encoding {encoding} but gives no depth.")
 
     def load(color: Color, wanted: Collection[str], other_camera: CameraFile | None) -> GivenInputs:
-        taken_by = other_camera or _camera(camera, reference)
+        taken_by = other_camera or (None if camera is None else camera_from(camera, f"{reference}: camera"))
         relative = encoding is not None and encoding_named(encoding).quantity == "relative"
         files = {
             "image": ("Image", image),
@@ -122,12 +122,6 @@ def _with_camera(inputs: dict[str, Given], wanted: Collection[str], camera: Came
     if camera and "camera" in wanted:
         inputs["camera"] = camera_given(camera, inputs)
     return GivenInputs(inputs, camera)
-
-
-def _camera(given: str | Path | Mapping[str, Any] | None, reference: str) -> CameraFile | None:
-    if isinstance(given, Mapping):
-        return camera_from_mapping(given, f"{reference}: camera")
-    return None if given is None else read_camera(given)
 
 
 def _sample_scene(reference: str) -> Scene:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from fogpipe.errors import RequestError, suggestion
@@ -53,15 +53,16 @@ def make_plan(graph: Graph, to: Iterable[str] | None = None) -> Plan:
     return plan_for(graph, {name: _find(graph, name) for name in to})
 
 
-def plan_for(graph: Graph, outputs: Mapping[str, Ref], extra: Iterable[Ref] = ()) -> Plan:
-    """The plan that computes these values."""
+def plan_for(graph: Graph, outputs: Mapping[str, Ref], extra: Iterable[Ref] = (), known: Collection[Ref] = ()) -> Plan:
+    """The plan that computes these values, given those that are ``known`` already."""
     needed: set[str] = set()
-    pending = [ref.node for ref in (*outputs.values(), *extra)]
+    pending = [ref.node for ref in (*outputs.values(), *extra) if ref not in known]
     while pending:
         name = pending.pop()
         if name not in needed:
             needed.add(name)
-            pending += [ref.node for ref in graph.nodes[name].sources.values()] if name in graph.nodes else []
+            sources = graph.nodes[name].sources.values() if name in graph.nodes else ()
+            pending += [ref.node for ref in sources if ref not in known]
     return Plan(
         graph=graph,
         nodes={name: node for name, node in graph.nodes.items() if name in needed},

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fogpipe.errors import InputError, did_you_mean, suggestion
-from fogpipe.io.camera import read_camera
+from fogpipe.io.camera import camera_from, read_camera
 from fogpipe.io.files import split_layer, split_part
 from fogpipe.io.given import DISTANCES, Given, GivenInputs, camera_given, read_given
 from fogpipe.pipeline.plan import Plan
@@ -26,13 +26,13 @@ class Request:
     scene : ``sample:NAME`` or a scene file.
     files : a file (or, for a single number, its text) for each input by name; they replace the scene's.
     depth : name of the encoding of depth files.
-    camera : file with the camera's intrinsics.
+    camera : file with the camera's intrinsics, or these as a mapping (see :mod:`fogpipe.io.camera`).
     """
 
     scene: str | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     depth: str | None = None
-    camera: str | None = None
+    camera: str | Mapping[str, float] | None = None
 
     def to_data(self, kinds: Mapping[str, Kind] | None = None) -> dict[str, Any]:
         """Plain data with absolute paths.
@@ -44,7 +44,7 @@ class Request:
         numbers = {name for name, kind in (kinds or {}).items() if kind.is_scalar}
         data = asdict(self)
         data["files"] = {name: text if name in numbers else _absolute(text) for name, text in self.files.items()}
-        data["camera"] = self.camera and _absolute(self.camera)
+        data["camera"] = _absolute(self.camera) if isinstance(self.camera, str) else self.camera
         if self.scene and not self.scene.startswith("sample:"):
             data["scene"] = _absolute(self.scene)
         return data
@@ -86,7 +86,7 @@ def inputs_from_request(plan: Plan, request: Request) -> Inputs:
     graph = plan.graph
     camera_files = {name: request.files[name] for name in request.files if graph.inputs[name].name == "Camera"}
     camera_file = request.camera or next(iter(camera_files.values()), None)
-    own_camera = read_camera(camera_file) if camera_file else None
+    own_camera = camera_from(camera_file) if camera_file else None
     scene = GivenInputs({}, own_camera)
     if request.scene:
         from fogpipe.io.scenes import open_scene

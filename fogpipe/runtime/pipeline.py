@@ -152,12 +152,25 @@ def load(
     RequestError
         If the seed or the tolerance cannot be.
     """
+    text, source = read_pipeline(name)
+    return from_text(text, source, set=set, seed=seed, tolerance=tolerance, registry=Registry(plugins))
+
+
+def from_text(
+    text: str,
+    source: str,
+    *,
+    set: Mapping[str, Any] | None = None,
+    seed: int | None = None,
+    tolerance: float | None = None,
+    registry: Registry | None = None,
+) -> Pipeline:
+    """Check a pipeline that was read; ``source`` is what messages call it. Otherwise as :func:`load`."""
     if seed is not None and seed < 0:
         raise RequestError(f"seed {seed}: must be 0 or more.")
     if tolerance is not None and not 0 < tolerance < math.inf:
         raise RequestError(f"tolerance {tolerance:g}: must be a number greater than 0.")
-    registry = Registry(plugins)
-    text, source = read_pipeline(name)
+    registry = registry or Registry()
     spec = read_spec(text, source, set)
     if seed is not None:
         spec.file.seed = seed

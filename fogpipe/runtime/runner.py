@@ -45,6 +45,7 @@ def execute(
     cache: Cache | None = None,
     observer: Observer | None = None,
     consume: bool = False,
+    known: Mapping[Ref, np.ndarray] | None = None,
 ) -> Outcome:
     """Run the stages of a plan.
 
@@ -56,13 +57,14 @@ def execute(
     cache : where results are looked up and kept.
     observer : is told of every event.
     consume : empty ``inputs``, so that they too are freed after their last reader.
+    known : values that stages outside the plan gave, for those inside that read them.
 
     Raises
     ------
     StageError
         When a stage fails; other stages that had started are waited for.
     """
-    run = _Run(plan, inputs, cache, observer or Observer())
+    run = _Run(plan, inputs, cache, observer or Observer(), known or {})
     if consume:
         inputs.clear()
     return run.execute(workers or threads())
@@ -93,7 +95,14 @@ class _Done:
 class _Run:
     """The state of one run. Every worker thread takes a ready stage, runs it, and settles what it gave."""
 
-    def __init__(self, plan: Plan, inputs: Mapping[str, np.ndarray], cache: Cache | None, observer: Observer) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        inputs: Mapping[str, np.ndarray],
+        cache: Cache | None,
+        observer: Observer,
+        known: Mapping[Ref, np.ndarray],
+    ) -> None:
         self.plan = plan
         self.cache = cache
         self.observer = observer
@@ -101,11 +110,12 @@ class _Run:
         self.values: dict[Ref, np.ndarray] = {}
         self.holders: Counter[int] = Counter()
         self.live_bytes = 0
-        for name in plan.inputs:
-            self._hold(Ref(name), frozen(inputs[name]))
         self.digests: dict[Ref, str] = {}
         self.readers = Counter(ref for node in plan.nodes.values() for ref in node.sources.values())
         self.readers.update(plan.targets)
+        for ref, array in ({Ref(name): inputs[name] for name in plan.inputs} | dict(known)).items():
+            if ref in self.readers:
+                self._hold(ref, frozen(array))
         self.missing: dict[str, int] = {}
         self.followers: dict[str, list[str]] = {name: [] for name in plan.nodes}
         for name, node in plan.nodes.items():

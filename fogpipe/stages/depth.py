@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from fogpipe.kernels.arrays import FloatArray, floats, require_maps
+from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_maps
 from fogpipe.ports import Image, Mask, Number, Range, RelativeDepth, Transmission, Unit
 from fogpipe.stage import stage
 
@@ -251,8 +251,7 @@ def agreement(
 def _display_values(image: Image, encoding: str) -> FloatArray:
     """(H, W, 3) float32 display values in [0, 1]."""
     require_maps(image=(image, 3))
-    if not np.isfinite(image).all():
-        raise ValueError("image holds NaN or infinite values; fill them first.")
+    require_finite(image=image)
     if encoding == "linear":
         from fogpipe.kernels.srgb import srgb_from_linear
 

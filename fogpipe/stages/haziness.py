@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from fogpipe.kernels.arrays import FloatArray, floats, require_maps
+from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_maps
 from fogpipe.ports import Image, Number, Transmission, Unit
 from fogpipe.stage import stage
 
@@ -144,8 +144,7 @@ def field_of(
     """
     from fogpipe.kernels.mrf import Cost, Field
 
-    if count := np.count_nonzero(~np.isfinite(image)):
-        raise ValueError(f"image is NaN or infinite in {count} of {image.size} values; fill or clip them first.")
+    require_finite(image=image)
     grey = image @ np.array(GREY, image.dtype)
     top = 255.0 if scale == "grey-levels" else 1.0
     others = 0.0 if reading == "site-order" else 1.0

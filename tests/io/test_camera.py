@@ -1,4 +1,4 @@
-"""Camera files in their four forms, and how a camera follows the size of an image."""
+"""Camera files in their forms, and how a camera follows the size of an image."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fogpipe.errors import InputError
-from fogpipe.io.camera import CameraFile, read_camera
+from fogpipe.io.camera import CameraFile, camera_from, read_camera
 
 OWN = {"fx": 994.978, "fy": 990.5, "cx": 311.193, "cy": 254.877}
 CITYSCAPES = {
@@ -53,6 +53,33 @@ def test_cityscapes_names_its_centre_u0_v0(tmp_path):
     camera = read_camera(written(tmp_path, CITYSCAPES))
     np.testing.assert_array_equal(camera.matrix, [[2262.52, 0, 1096.98], [0, 2265.3, 513.137], [0, 0, 1]])
     assert camera.baseline == 0.209313
+
+
+def test_synscapes_holds_its_camera_beside_much_else(tmp_path):
+    intrinsic = {"fx": 1590.8, "fy": 1592.8, "u0": 771.3, "v0": 360.8, "resx": 1440, "resy": 720}
+    content = {"camera": {"intrinsic": intrinsic, "extrinsic": {"z": 1.4}}, "scene": {"sky": "clear"}}
+    camera = read_camera(written(tmp_path, content))
+    np.testing.assert_array_equal(camera.matrix, [[1590.8, 0, 771.3], [0, 1592.8, 360.8], [0, 0, 1]])
+    assert camera.size == (1440, 720)
+
+
+def test_kitti_object_calibration_gives_its_left_colour_camera(tmp_path):
+    text = "P0: 1 0 1 0 0 1 1 0 0 0 1 0\nP2: 721.5 0 609.6 44.9 0 721.5 172.9 0.2 0 0 1 0.003\nR0_rect: 1 0 0\n"
+    camera = read_camera(written(tmp_path, text, "000000.txt"))
+    np.testing.assert_array_equal(camera.matrix, [[721.5, 0, 609.6], [0, 721.5, 172.9], [0, 0, 1]])
+
+
+def test_kitti_depth_selection_gives_nine_numbers(tmp_path):
+    camera = read_camera(written(tmp_path, "721.5 0 596.6 0 721.5 149.9 0 0 1\n", "image_02.txt"))
+    np.testing.assert_array_equal(camera.matrix, [[721.5, 0, 596.6], [0, 721.5, 149.9], [0, 0, 1]])
+    with pytest.raises(InputError, match="is not a camera file"):
+        read_camera(written(tmp_path, "1 2 3 4 5 6 7 8 9", "numbers.txt"))
+
+
+def test_a_camera_may_be_given_by_its_numbers():
+    np.testing.assert_array_equal(camera_from(OWN).matrix[0], [994.978, 0, 311.193])
+    with pytest.raises(InputError, match="desk: fy, cx, cy missing"):
+        camera_from({"fx": 3}, "desk")
 
 
 def test_middlebury_gives_its_baseline_in_millimetres(tmp_path):

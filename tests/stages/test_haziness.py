@@ -116,7 +116,7 @@ def test_a_constant_photo_gets_one_transmission():
 def test_what_is_not_finite_is_refused(value: float):
     image = noise(5, 6)
     image[2, 3, 1] = value
-    with pytest.raises(ValueError, match=r"NaN or infinite in 1 of 90 values"):
+    with pytest.raises(ValueError, match=r"NaN or infinite at 1 of 90 values"):
         mrf(image)
 
 

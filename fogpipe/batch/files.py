@@ -1,0 +1,151 @@
+"""Writes the files of one variant of an item, and the labels that go with it."""
+
+from __future__ import annotations
+
+import hashlib
+import posixpath
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+import fogpipe
+from fogpipe.batch.job import Job
+from fogpipe.batch.names import filled, known_values
+from fogpipe.batch.places import Place
+from fogpipe.batch.variation import Variant
+from fogpipe.datasets.item import Item
+from fogpipe.pipeline.graph import Graph, Ref
+from fogpipe.runtime.inputs import Inputs
+from fogpipe.runtime.outputs import file_digest, write_output
+from fogpipe.runtime.record import strict_json
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a worker made of one variant.
+
+    Attributes
+    ----------
+    outputs : where each output of the job is among the values.
+    """
+
+    item: Item
+    variant: Variant
+    graph: Graph
+    outputs: Mapping[str, Ref]
+    values: Mapping[Ref, np.ndarray]
+    inputs: Inputs
+
+    def output(self, name: str) -> np.ndarray:
+        """An output by name."""
+        return self.values[self.outputs[name]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """What the journal and the manifest say of one variant.
+
+    Attributes
+    ----------
+    files : path of each file, relative to the root of the outputs, by output.
+    numbers : outputs that are numbers, such as the extinction (1/m) or the airlight.
+    sha256 : of the picture.
+    """
+
+    item: str
+    variant: str
+    files: Mapping[str, str]
+    settings: Mapping[str, Any]
+    numbers: Mapping[str, Any]
+    seed: int
+    sources: Mapping[str, str]
+    sha256: str
+
+
+def write_variant(job: Job, place: Place, made: Made) -> Row:
+    """Write picture, extras and record of one variant; each is there completely, and the record last."""
+    numbers = {name: made.output(name).tolist() for name in job.numbers if made.output(name).size <= 3}
+    image = made.item.files.get("image", "")
+    fields = known_values(made.item.id, image, made.variant.settings, made.variant.draw) | _in_names(numbers)
+    picture = filled(job.layout.picture, fields)
+    fields["stem"] = posixpath.splitext(picture)[0]
+    files: dict[str, str] = {}
+    with place.draft() as draft:
+        written = {}
+        for name in (job.picture, *job.extras):
+            path = write_output(
+                draft,
+                name,
+                made.graph.kind(made.outputs[name]),
+                made.output(name),
+                color=made.graph.color,
+                alpha=made.inputs.alpha,
+                image_format=job.image_format or posixpath.splitext(picture)[1].removeprefix(".").lower(),
+                map_format=job.map_format,
+            )
+            if path:
+                written[name] = path
+                files[name] = picture if name == job.picture else _beside(job, fields, name, path.suffix)
+        sha256 = file_digest(written[job.picture])
+        sources = {**made.inputs.sources, "encoding": made.item.encoding or ""}
+        if job.record:
+            files["record"] = _beside(job, fields, "record", ".json")
+        row = Row(
+            made.item.id, made.variant.key, files, made.variant.settings, numbers, made.variant.seed, sources, sha256
+        )
+        if job.record:
+            written["record"] = draft / "record.json"
+            written["record"].write_text(strict_json(record_of(job, made, row)), encoding="utf-8")
+        for name, path in written.items():
+            place.publish(path, files[name])
+    if job.layout.clear:
+        place.copy(image, filled(job.layout.clear, fields))
+    return row
+
+
+def record_of(job: Job, made: Made, row: Row) -> dict[str, Any]:
+    """How a picture was made, without times or places of this machine: the same batch writes the same bytes."""
+    stages = made.graph.resolved()["stages"]
+    return {
+        "fogpipe": fogpipe.__version__,
+        "pipeline": {"source": job.source, "digest": hashlib.blake2b(job.text.encode(), digest_size=20).hexdigest()},
+        "color": made.graph.color,
+        "tolerance": made.graph.tolerance,
+        **{key: value for key, value in asdict(row).items() if key != "sources"},
+        "inputs": {name: posixpath.basename(source) for name, source in made.inputs.sources.items()},
+        "depth_encoding": made.item.encoding,
+        "notes": list(made.inputs.notes),
+        "parameters": {name: stage["with"] for name, stage in stages.items()},
+    }
+
+
+def write_labels(job: Job, place: Place, item: Item, rows: Sequence[Row]) -> None:
+    """Link or copy the labels of an item.
+
+    A label that is called like the image, as those of YOLO and Pascal VOC are, is called like each output; any other,
+    as those of Cityscapes, keeps its name.
+    """
+    if job.labels == "none":
+        return
+    put = place.link if job.labels == "link" else place.copy
+    image = posixpath.basename(item.files.get("image", ""))
+    for relative, source in item.labels.items():
+        folder, name = posixpath.split(relative)
+        stem, suffix = posixpath.splitext(name)
+        if stem != posixpath.splitext(image)[0]:
+            put(source, relative)
+            continue
+        for row in rows:
+            own = posixpath.splitext(posixpath.basename(row.files[job.picture]))[0]
+            put(source, posixpath.join(folder, own + suffix))
+
+
+def _beside(job: Job, fields: Mapping[str, Any], output: str, suffix: str) -> str:
+    return filled(job.layout.extra, {**fields, "output": job.layout.called(output)}) + suffix
+
+
+def _in_names(numbers: Mapping[str, Any]) -> dict[str, float]:
+    """Numbers as names have them: a colour by its mean."""
+    return {name: float(np.mean(value)) for name, value in numbers.items()}

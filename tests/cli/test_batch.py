@@ -1,0 +1,131 @@
+"""``fogpipe batch`` and ``fogpipe datasets`` as a person calls them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.batch.conftest import contents, mist, photos
+
+__all__ = ["mist", "photos"]
+
+
+@pytest.fixture
+def words(mist: Path, photos: Callable[..., Path], tmp_path: Path) -> list[Any]:
+    """A command line over four photos in this process."""
+    reader = ["--option", "image=images/{id}.png", "--option", "depth=depth/{id}.png", "--option", "encoding=kitti"]
+    plugins = ["--plugins", mist.parent / "stages"]
+    return [
+        "batch",
+        mist,
+        "--data",
+        f"folder:{photos(4)}",
+        *reader,
+        *plugins,
+        "-o",
+        tmp_path / "out",
+        "--engine",
+        "here",
+    ]
+
+
+def test_a_batch_tells_what_it_did_and_where_the_time_went(fogpipe_cli, words: list[Any], tmp_path: Path):
+    ended = fogpipe_cli(*words, "--sweep", "extinction.visibility=20,40")
+    assert ended.code == 0, ended.err
+    assert "4 items; 4 to do, 8 outputs" in ended.err
+    assert "8 made" in ended.err
+    shares = [line.split() for line in ended.err.splitlines() if line.endswith("%")]
+    assert {"reading", "writing", "veil", "(the"} <= {share[0] for share in shares}
+    assert sum(float(share[-1].rstrip("%")) for share in shares) == pytest.approx(100, abs=0.1 * len(shares))
+    assert len(contents(tmp_path / "out")) == 8 + 2
+    assert "4 done already; 0 to do" in fogpipe_cli(*words, "--sweep", "extinction.visibility=20,40").err
+
+
+def test_events_are_lines_of_json(fogpipe_cli, words: list[Any], tmp_path: Path):
+    (tmp_path / "photos" / "images" / "0001.png").write_bytes(b"")
+    ended = fogpipe_cli(*words, "--json")
+    events = [json.loads(line) for line in ended.out.splitlines()]
+    assert ended.code == 1
+    assert [event["event"] for event in events] == ["started", "done", "failed", "done", "done", "finished"]
+    assert "is empty" in events[2]["error"]
+    assert events[-1]["made"] == 3
+    assert "1 of 4 items failed" in ended.err
+
+
+def test_a_dry_run_reckons_and_keeps_nothing(fogpipe_cli, words: list[Any], tmp_path: Path):
+    ended = fogpipe_cli(*words, "--dry-run", "--json")
+    told = json.loads(ended.out)
+    assert told["to_do"] == 4
+    assert told["estimate"]["trials"] > 0
+    assert told["estimate"]["seconds"] > 0
+    assert not (tmp_path / "out").exists()
+    assert fogpipe_cli(*words).code == 0
+    size = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.png"))
+    # The pictures are noise, which compresses alike.
+    assert told["estimate"]["bytes"] == pytest.approx(size, rel=0.1)
+    assert "0 to do" in fogpipe_cli(*words, "--dry-run").err
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--also", "density"], "--to or --also density: there is no such output. There is: hazy"),
+        (["--to", "transmission"], "the result of a batch is a picture"),
+        (["--labels", "move"], "choose link, copy or none"),
+        (["--shard", "3/2"], "write it as I/N"),
+        (["--engine", "threads"], "choose processes, here or dask://HOST:PORT"),
+        (["--option", "image"], "write it as NAME=VALUE"),
+        (["--sweep", "fog.visibility=1,2"], 'there is no stage "fog"'),
+        (["--sweep", "extinction.visibility=1,-2"], "should be greater than 0, not -2"),
+        (["--image-format", "jpg", "--names", "{id}.png"], 'the names end in ".png"'),
+        (["--names", "{id}.gif"], "--image-format gif: choose one of"),
+        (["--keep", "annotations/*.json"], "no file of"),
+        (["--map-format", "png", "--also", "range"], "a PNG holds values in [0, 1] only"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_runs(
+    fogpipe_cli, words: list[Any], tmp_path: Path, more: list[str], message: str
+):
+    ended = fogpipe_cli(*words, *more)
+    assert ended.code == 2
+    assert message in ended.err
+    assert not list(tmp_path.glob("out/*.png"))
+
+
+def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
+    words[words.index("here")] = "processes"
+    program = [sys.executable, "-c", "from fogpipe.cli.main import main; main()", *map(str, words)]
+    program += ["--workers", "1", "--set", "waited.seconds=0.5"]
+    process = subprocess.Popen(program, start_new_session=True, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("out/*.png")):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"interrupted: 1 items under way are finished" in said
+    assert b"Traceback" not in said
+    made = len(list(tmp_path.glob("out/*.png")))
+    assert 1 <= made < 4
+    assert len((tmp_path / "out" / "manifest.csv").read_text().splitlines()) == 1 + made
+    assert not (tmp_path / "out" / ".fogpipe" / "drafts").exists()
+
+
+def test_readers_are_listed_and_shown(fogpipe_cli):
+    listed = fogpipe_cli("datasets")
+    assert listed.code == 0
+    assert {"kitti", "cityscapes", "csv"} <= {line.split()[0] for line in listed.out.splitlines()}
+    assert "P2" in fogpipe_cli("datasets", "kitti").out or "calib" in fogpipe_cli("datasets", "kitti").out
+    rows = json.loads(fogpipe_cli("datasets", "--json").out)["datasets"]
+    assert next(row for row in rows if row["name"] == "cityscapes")["options"] == ["split", "labels"]
+    assert fogpipe_cli("datasets", "kiti").code == 2

@@ -1,0 +1,109 @@
+"""Airlight of hazy pictures whose airlight is known; a lamp and a white wall are there to fool the estimators."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fogpipe.bench.airlight import ESTIMATORS, EXTRAS, hazy_pictures
+from fogpipe.stages import airlight
+from fogpipe.stages.metric import airlight_error
+
+STAGES = (airlight.brightest, airlight.dark_channel, airlight.quad_tree, airlight.scribble, airlight.fading)
+every_stage = pytest.mark.parametrize("stage", STAGES, ids=lambda stage: stage.__name__)
+B = np.array([0.78, 0.80, 0.84], np.float32)
+
+
+@pytest.fixture(scope="module")
+def errors() -> Callable[[str, str], tuple[float, float]]:
+    """The largest distance and angle of an estimator over a hazy street, seen in white haze and in brown."""
+    pictures = {extra: list(hazy_pictures(["outdoor:4"], extra, (320, 240))) for extra in EXTRAS}
+
+    def errors(way: str, extra: str) -> tuple[float, float]:
+        found = [airlight_error(ESTIMATORS[way](image).airlight, truth) for image, truth in pictures[extra]]
+        return max(float(e.distance) for e in found), max(float(e.angle) for e in found)
+
+    return errors
+
+
+# In the thinner haze hills at the horizon keep a transmission of 0.2 and are up to 0.1 from the airlight of the sky.
+@pytest.mark.parametrize("extra", EXTRAS)
+@pytest.mark.parametrize("way", ["quad tree", "fading"])
+def test_neither_lamp_nor_wall_moves_the_robust_estimators(errors, way, extra):
+    distance, angle = errors(way, extra)
+    assert distance < 0.08
+    assert angle < 3
+
+
+def test_a_lamp_fools_the_brightest_pixels_but_not_the_dark_channel(errors):
+    assert errors("brightest", "a lamp")[0] > 0.3
+    assert errors("dark channel, median", "a lamp")[0] < errors("brightest", "a lamp")[0]
+
+
+def test_a_wall_fools_every_estimator_that_looks_for_white(errors):
+    for way in ("brightest", "dark channel, brightest", "dark channel, median"):
+        assert errors(way, "a white wall")[0] > 0.3
+
+
+def test_each_estimator_in_its_own_words():
+    image = np.full((64, 64, 3), 0.2, np.float32)
+    image[:32, :32] = B  # haze
+    image[40:44, 40:44] = 0.95  # a small lamp
+    np.testing.assert_allclose(airlight.brightest(image).airlight, 0.95, rtol=1e-6)
+    for found in (airlight.dark_channel(image), airlight.quad_tree(image)):
+        np.testing.assert_allclose(found.airlight, B, rtol=1e-6)  # float32 medians
+
+
+def test_a_scribble_is_the_median_of_what_it_marks():
+    image = np.full((50, 60, 3), 0.2, np.float32)
+    image[:10] = B
+    mask = np.zeros((50, 60), bool)
+    mask[2:8, 5:40] = True
+    mask[2:14, 7] = True  # a stroke that slipped
+    np.testing.assert_allclose(airlight.scribble(image, mask).airlight, B, rtol=1e-6)
+    np.testing.assert_allclose(airlight.scribble(image, points=((0.9, 0.9),)).airlight, 0.2, rtol=1e-6)
+    np.testing.assert_allclose(airlight.scribble(image).airlight, B, rtol=1e-6)  # the middle of the upper border
+    with pytest.raises(ValueError, match="nothing is marked"):
+        airlight.scribble(image, points=())
+
+
+def test_uncertainty_is_the_spread_of_the_colours_in_each_channel():
+    rng = np.random.default_rng(3)
+    spread = np.array([0.01, 0.03, 0.05])
+    image = 0.5 + spread * rng.standard_normal((100, 100, 3))
+    found = airlight.scribble(image, np.ones((100, 100), bool))
+    np.testing.assert_allclose(found.uncertainty, spread, rtol=0.05)  # 10 000 draws: three standard errors are 3.5 %
+    np.testing.assert_allclose(found.airlight, 0.5, atol=0.003)
+
+
+@every_stage
+def test_a_constant_picture_is_its_airlight_without_uncertainty(stage):
+    found = stage(np.broadcast_to(B, (40, 50, 3)))
+    np.testing.assert_allclose(found.airlight, B, rtol=1e-6)
+    np.testing.assert_allclose(found.uncertainty, 0, atol=1e-6)  # float32
+
+
+@every_stage
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (3, 2), (7, 500)])
+def test_every_size_has_an_airlight(stage, shape):
+    found = stage(np.random.default_rng(1).random((*shape, 3)))
+    assert found.airlight.shape == found.uncertainty.shape == (3,)
+    assert np.isfinite(found.airlight).all()
+    assert np.isfinite(found.uncertainty).all()
+
+
+@every_stage
+def test_black_below_black_and_brighter_than_white(stage):
+    np.testing.assert_array_equal(stage(np.zeros((30, 30, 3))).airlight, 0)
+    np.testing.assert_array_equal(stage(np.full((30, 30, 3), -0.1)).airlight, 0)
+    np.testing.assert_allclose(
+        stage(np.full((30, 30, 3), 50.0)).airlight, 50, rtol=1e-6
+    )  # float32 where OpenCV is used
+
+
+@every_stage
+def test_nan_is_refused(stage):
+    with pytest.raises(ValueError, match="NaN or infinite"):
+        stage(np.full((5, 5, 3), np.nan))
