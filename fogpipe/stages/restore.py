@@ -111,8 +111,8 @@ def non_local(
     transmission: Transmission,
     *,
     noise_sigma: Annotated[float, Ge(0)] | None = None,
-    window: Annotated[int, Ge(3), Le(255), Unit("px")] = 21,
-    layer: Annotated[float, Gt(0)] = 0.1,
+    window: Annotated[int, Ge(3), Le(255), Unit("px")] = 15,
+    layer: Annotated[float, Gt(0)] = 0.3,
     strictness: Annotated[float, Gt(0)] = 4.0,
     solver: Literal["mean", "median"] = "mean",
     balance: Annotated[float, Gt(0)] = 0.2,
@@ -157,7 +157,8 @@ def non_local(
 
     Notes
     -----
-    About 3 ns per pixel and pixel of the window: 1.3 µs per pixel. Memory is linear.
+    About 3 ns per pixel and pixel of the window: 0.7 µs per pixel. A window of 21 takes twice as long and gains 0.1 dB
+    or less. Memory is linear.
 
     Deviates from the paper: the mean is the default. It leaves less noise than the median (whose form is kept), because
     every neighbour counts as far as its own noise allows.
