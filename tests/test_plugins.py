@@ -79,12 +79,6 @@ def test_the_pipeline_in_the_pack_is_valid(installed: Path):
     assert checked.returncode == 0, checked.stderr
 
 
-def test_the_tests_of_the_pack_pass(installed: Path):
-    ended = run_python("-m", "pytest", "-q", "-p", "no:cacheprovider", PACK, path=installed, cwd=PACK)
-    assert ended.returncode == 0, ended.stdout
-    assert "passed" in ended.stdout
-
-
 @pytest.fixture
 def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder on the path with an installed package whose module cannot be imported."""

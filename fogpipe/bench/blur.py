@@ -48,7 +48,7 @@ def premultiplied(name: str, height: int, width: int) -> tuple[FloatArray, Float
     values = open_scene(f"sample:{name}").load("linear").values
     range_map = np.where(np.isinf(values["range_map"]), np.nan, values["range_map"])
     farthest = np.nanpercentile(range_map, 99)
-    if name == "outdoor":
+    if name.startswith("outdoor"):
         range_map = np.nan_to_num(range_map, nan=farthest)  # sky
     nearest = distance_transform_edt(np.isnan(range_map), return_distances=False, return_indices=True)
     ratio = np.minimum(range_map[tuple(np.asarray(nearest))] / farthest, 1).astype(np.float32)

@@ -176,4 +176,4 @@ def _with_deviation(
     from skimage.restoration import estimate_sigma
 
     noisy = image if transmission is None else image * transmission[..., None]
-    return image, float(estimate_sigma(noisy, channel_axis=2, average_sigmas=True))
+    return image, float(np.mean(estimate_sigma(noisy, channel_axis=2)))

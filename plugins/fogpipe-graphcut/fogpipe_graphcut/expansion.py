@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import maxflow
+import maxflow  # pyright: ignore[reportMissingImports]
 import numpy as np
 from annotated_types import Ge, Le
 from fogpipe.kernels.arrays import floats, require_maps

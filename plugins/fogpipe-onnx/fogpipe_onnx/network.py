@@ -33,7 +33,7 @@ def session(model: str, sha256: str | None) -> Any:
 
 @lru_cache(maxsize=2)
 def _session(path: Path, sha256: str | None, _changed: int, _size: int, threads: int) -> Any:
-    import onnxruntime
+    import onnxruntime  # pyright: ignore[reportMissingImports]
 
     if sha256 is not None and (found := hashlib.sha256(path.read_bytes()).hexdigest()) != sha256.lower():
         raise ValueError(f"{path.name} has the SHA-256 digest {found}, not {sha256}: it is another model.")

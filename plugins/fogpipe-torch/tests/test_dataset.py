@@ -17,7 +17,7 @@ def tensor_samples(image: np.ndarray, range_map: np.ndarray, count: int = 6) -> 
     return [{"image": picture, "range_map": torch.from_numpy(range_map)[None], "label": n} for n in range(count)]
 
 
-def loaded(dataset: FogDataset, **options: Any) -> torch.Tensor:
+def loaded(dataset: FogDataset, **options: Any) -> Any:
     loader = torch.utils.data.DataLoader(dataset, batch_size=2, **options)
     return torch.cat([batch["image"] for batch in loader])
 
