@@ -77,14 +77,16 @@ def behind_thin_objects(sky: FloatArray, colour: FloatArray) -> FloatArray:
     import cv2
 
     certain = (sky > 0.5).astype(np.float32)
-    near = cv2.GaussianBlur(np.dstack([colour * certain[..., None], certain]), (0, 0), 0.1 * sky.shape[1], sigmaY=3)
+    known = np.dstack([colour * certain[..., None], certain])
+    near = np.asarray(cv2.GaussianBlur(known, (0, 0), 0.1 * sky.shape[1], sigmaY=3))
     beside = near[..., :3] / np.maximum(near[..., 3:], 1e-6)
     difference = np.linalg.norm(colour - beside, axis=2)
     spans = np.minimum(near[..., 3] / 0.1, 1)  # a few pixels of sky say little about its colour
     alike = np.exp(-((difference / 9) ** 2)) * spans
     gap = np.ones((THICKEST, THICKEST), np.uint8)
     regions = cv2.morphologyEx(((alike > 0.5) | (certain > 0)).astype(np.uint8), cv2.MORPH_CLOSE, gap)
-    number, labels = cv2.connectedComponents(regions, connectivity=4)
+    number, found = cv2.connectedComponents(regions, connectivity=4)
+    labels = np.asarray(found)
     kept = np.zeros(number, bool)
     kept[np.unique(labels[certain > 0])] = True
     kept[0] = False
