@@ -17,7 +17,7 @@ SOLVED_AT = 240
 
 CERTAIN_SKY = 0.6
 """Likelihood from which a pixel counts as sky altogether."""
-LOWEST_SKY = 0.85
+LOWEST_SKY = 0.93
 """How low sky may reach where there is no vanishing point, as a share of the height."""
 
 
@@ -100,7 +100,7 @@ def from_photo(
     """
     import cv2
 
-    from fogpipe.kernels.photo import cues, vanishing
+    from fogpipe.kernels.photo import cues, horizon, vanishing
 
     display = _display_values(image, encoding)
     rows, columns = display.shape[:2]
@@ -110,11 +110,14 @@ def from_photo(
     flat = cues.smoothed(colour)
     lowest = point.confidence * (point.y + 0.03) + (1 - point.confidence) * LOWEST_SKY
     sky = cues.sky_likelihood(colour, flat, lowest)
-    openness = _openness(sky, point)
+    openness = max(_openness(sky, point), horizon.horizon_of(sky).confidence)
     sky *= 1 - point.confidence * (1 - openness)
     width = walls[0] ** openness * walls[1] ** (1 - openness)
     box = vanishing.box_nearness(sky.shape, point, width, ceiling)
-    standing = _unit(_row_nearness(*sky.shape) + np.float32(prominence) * cues.prominence(flat))
+    objects = cues.prominence(flat)
+    standing = _unit(_row_nearness(*sky.shape) + np.float32(prominence) * objects)
+    level = horizon.horizon_of(sky)
+    standing += level.confidence * (horizon.ground_nearness(sky, level, objects, prominence) - standing)
     nearness = cv2.resize(point.confidence * box + (1 - point.confidence) * standing, (columns, rows))
     radius = max(1, round(detail * max(rows, columns)))
     scale = min(1.0, (cap * 1e6 / (rows * columns)) ** 0.5)

@@ -6,6 +6,9 @@ import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
 
+THICKEST = 5
+"""Objects thinner than this, in pixels of the coarse grid, do not part one piece of sky from another."""
+
 
 def lab(display: FloatArray) -> FloatArray:
     """CIE L*a*b* of display values in [0, 1]."""
@@ -53,7 +56,55 @@ def sky_likelihood(colour: FloatArray, flat: FloatArray, lowest: float) -> Float
         return np.zeros_like(lightness)
     rows = (np.arange(len(lightness), dtype=np.float32)[:, None] + np.float32(0.5)) / len(lightness)
     joined = np.exp(-((geodesic(flat, seeds, noise=2) / 18) ** 2))
-    return alike * joined * _above(np.float32(lowest) - rows, 0.04)
+    # At dusk and at night the sky is darker than other photos' walls, and yet brightens towards the horizon.
+    above = float(np.median(lightness[seeds]))
+    as_bright = _above(lightness - (above - 4), 2) * _above(np.float32(40 - above), 3)
+    likely = hue * np.maximum(bright, as_bright) * joined
+    return behind_thin_objects(likely, colour) * _above(np.float32(lowest) - rows, 0.02)
+
+
+def behind_thin_objects(sky: FloatArray, colour: FloatArray) -> FloatArray:
+    """The sky without thin objects before it, and with what is parted from it by thin objects only.
+
+    The meshes of a lattice tower and the gaps between its legs are closed regions: no way without a border leads
+    there from the upper edge.
+
+    Parameters
+    ----------
+    sky : (H, W) likelihood of sky that is joined to the upper edge.
+    colour : (H, W, 3) L*a*b* of the photo.
+    """
+    import cv2
+
+    certain = (sky > 0.5).astype(np.float32)
+    known = np.dstack([colour * certain[..., None], certain])
+    near = np.asarray(cv2.GaussianBlur(known, (0, 0), 0.1 * sky.shape[1], sigmaY=3))
+    beside = near[..., :3] / np.maximum(near[..., 3:], 1e-6)
+    difference = np.linalg.norm(colour - beside, axis=2)
+    spans = np.minimum(near[..., 3] / 0.1, 1)  # a few pixels of sky say little about its colour
+    alike = np.exp(-((difference / 9) ** 2)) * spans
+    gap = np.ones((THICKEST, THICKEST), np.uint8)
+    regions = cv2.morphologyEx(((alike > 0.5) | (certain > 0)).astype(np.uint8), cv2.MORPH_CLOSE, gap)
+    number, found = cv2.connectedComponents(regions, connectivity=4)
+    labels = np.asarray(found)
+    kept = np.zeros(number, bool)
+    kept[np.unique(labels[certain > 0])] = True
+    kept[0] = False
+    thin = thin_objects(np.ascontiguousarray(colour[..., 0]), THICKEST + 2)
+    return np.maximum(sky * (1 - thin), alike * kept[labels])
+
+
+def thin_objects(lightness: FloatArray, width: int) -> FloatArray:
+    """How surely each pixel is part of something upright and thinner than ``width`` pixels, 0 to 1.
+
+    Masts are brighter or darker than what is left and right of them: top hats of the lightness (0 to 100) along the
+    rows. Thin clouds lie along the rows, and do not count.
+    """
+    import cv2
+
+    window = np.ones((1, width | 1), np.uint8)
+    bright, dark = (cv2.morphologyEx(lightness, way, window) for way in (cv2.MORPH_TOPHAT, cv2.MORPH_BLACKHAT))
+    return 1 - np.exp(-((np.maximum(np.maximum(bright, dark) - 2, 0) / 4) ** 2))
 
 
 def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
@@ -78,10 +129,12 @@ def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
     outer = cv2.GaussianBlur(cv2.dilate(sky, np.ones((13, 13), np.uint8)), (0, 0), 2)
     fields = cv2.resize(np.dstack([beside, inner, outer]), (columns, rows))
     difference = lab(display)
+    width = max(3, round(THICKEST * max(rows, columns) / max(sky.shape)))
+    solid = 1 - thin_objects(np.ascontiguousarray(difference[..., 0]), width)
     difference -= fields[..., :3]
     beyond_noise = np.maximum(np.sqrt(np.einsum("ijk,ijk->ij", difference, difference)) - 6, 0)
     alike = np.exp(-((beyond_noise / 9) ** 2))
-    return np.clip(np.maximum(alike * fields[..., 4], fields[..., 3]), 0, 1)
+    return np.clip(np.maximum(alike * fields[..., 4], fields[..., 3] * solid), 0, 1)
 
 
 def prominence(flat: FloatArray) -> FloatArray:
