@@ -104,7 +104,7 @@ def test_what_cannot_be_is_refused_before_anything_runs(
 def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
     words[words.index("here")] = "processes"
     program = [sys.executable, "-c", "from fogpipe.cli.main import main; main()", *map(str, words)]
-    program += ["--workers", "1", "--set", "waited.seconds=0.5"]
+    program += ["--workers", "1", "--set", "waited.seconds=1.5"]
     process = subprocess.Popen(program, start_new_session=True, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob("out/*.png")):
