@@ -47,7 +47,7 @@ def layers() -> None:
     physical = fogpipe.load("layers-fog").run(to=["scattered"], image=image)["scattered"]
     depth = np.repeat(published["depth"][..., None], 3, axis=2)
     rows = [np.hstack([image, depth]), np.hstack([published["foggy"], physical])]
-    write_image(FOLDER / "layers.jpg", np.vstack(rows))
+    write_image(FOLDER / "layers.jpg", cv2.resize(np.vstack(rows), None, fx=0.9, fy=0.9, interpolation=cv2.INTER_AREA))
 
 
 def coefficients(pairs: tuple[tuple[float, float], ...] = ((0.2, 0.2), (0.44, 0.5), (0.75, 0.9))) -> None:

@@ -150,7 +150,10 @@ Airlight = Annotated[
 Coefficient = Annotated[
     FloatArray, Kind("Coefficient", "absorption, scattering or extinction of the medium", SCALAR, "1/m", low=0)
 ]
-Length = Annotated[FloatArray, Kind("Length", "a distance", SCALAR, "m", low=0, nan="none in this scene")]
+Length = Annotated[
+    FloatArray,
+    Kind("Length", "a distance", SCALAR, "m", low=0, nan="none in this scene", infinity="beyond any distance"),
+]
 Number = Annotated[
     FloatArray, Kind("Number", "a pure number, such as a score", SCALAR, nan="undefined", infinity="no error at all")
 ]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import signal
+import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -212,8 +215,9 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
     with open_engine(batch.engine, min(batch.workers, len(tasks)), batch.job.threads) as (executor, slots):
         flow = _Flow(lambda task: executor.submit(call, batch.job, task), slots, tasks)
         try:
-            for done in flow:
-                take(done)
+            with flow.interruptible():
+                for done in flow:
+                    take(done)
         except KeyboardInterrupt:
             flow.stopped, summary.stopped = True, "interrupted"
             watcher.interrupted(len(flow.pending))
@@ -231,6 +235,26 @@ class _Flow:
         self.tasks = iter(tasks)
         self.pending: dict[Future[Done], tuple[Task, int]] = {}
         self.stopped = False
+        self._waiting = False
+        self._interrupted = False
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Let the first Ctrl-C come through only while nothing is being written down; a second one comes at once."""
+
+        def on_interrupt(*_: object) -> None:
+            if self._waiting or self._interrupted:
+                raise KeyboardInterrupt
+            self._interrupted = True
+
+        if threading.current_thread() is not threading.main_thread():  # which alone hears signals
+            yield
+            return
+        usual = signal.signal(signal.SIGINT, on_interrupt)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, usual)
 
     def __iter__(self) -> Iterator[Done]:
         while True:
@@ -238,9 +262,19 @@ class _Flow:
                 self.pending[self.submit(task)] = task, 1
             if not self.pending:
                 return
-            for future in wait(self.pending, return_when=FIRST_COMPLETED).done:
+            for future in self._completed():
                 if done := self._taken(future):
                     yield done
+
+    def _completed(self) -> Collection[Future[Done]]:
+        self._waiting = True
+        try:
+            if self._interrupted:
+                self._interrupted = False
+                raise KeyboardInterrupt
+            return wait(self.pending, return_when=FIRST_COMPLETED).done
+        finally:
+            self._waiting = False
 
     def _taken(self, future: Future[Done]) -> Done | None:
         """The result of a call; None where its worker died and it begins anew."""

@@ -70,8 +70,16 @@ def denoise_after(denoiser: Callable[[FloatArray], FloatArray], scene: HazyScene
 
 
 def non_local(scene: HazyScene) -> tuple[FloatArray, FloatArray]:
-    """Yan 2013 as fogpipe does it by default, with the structure map."""
-    smooth = structure.relative_total_variation(scene.hazy)
+    """Yan 2013 as the pipeline ``yan2013`` does it."""
+    smooth = structure.relative_total_variation(scene.hazy, tolerance=1e-2)
+    darkness = haze.non_local(scene.hazy, scene.airlight, smooth)
+    t = haze.contrast_corrected(scene.hazy, scene.airlight, darkness, smooth)
+    return restore.non_local(scene.hazy, scene.airlight, t), t
+
+
+def without_contrast(scene: HazyScene) -> tuple[FloatArray, FloatArray]:
+    """The same without the correction by contrast."""
+    smooth = structure.relative_total_variation(scene.hazy, tolerance=1e-2)
     t = haze.non_local(scene.hazy, scene.airlight, smooth)
     return restore.non_local(scene.hazy, scene.airlight, t), t
 
@@ -87,6 +95,7 @@ METHODS: dict[str, Method] = {
     "hazy input": untouched,
     "true transmission": true_transmission,
     "non-local": non_local,
+    "non-local, without contrast": without_contrast,
     "non-local, as published": non_local_as_published,
     "dark channel": dark_channel,
     "boundary constraint": boundary_constraint,

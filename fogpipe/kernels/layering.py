@@ -1,4 +1,4 @@
-"""What a person says about depth, as arrays: polygons, receding planes, shading, and soft masks."""
+"""What a person says about depth, as arrays: polygons, receding planes, shading, thin structure, and soft masks."""
 
 from __future__ import annotations
 
@@ -18,6 +18,15 @@ _ALIKE = 0.1
 
 _REACH = 1.5
 """Radius of the filter over its standard deviation."""
+
+_LINE = 0.7
+"""Standard deviation, in pixels, of the filter that joins a thin line where the grid of pixels cuts it into dashes."""
+
+_LEVELS = 2.0
+"""Standard deviation, in pixels, of the filter that smooths the steps of 8-bit medians."""
+
+_BACKGROUND, _THING = 0.1, 0.5
+"""Of the most that anything near by differs, up to which part a pixel is background, and from which it is not."""
 
 
 def polygon(shape: tuple[int, ...], corners: Sequence[Point]) -> np.ndarray:
@@ -65,6 +74,52 @@ def brightness(luminance: FloatArray, region: np.ndarray, span: tuple[float, flo
     return np.asarray(level, np.float32)
 
 
+def standing_out(mask: np.ndarray, image: FloatArray, width: int, contrast: float) -> FloatArray:
+    """Share of each pixel of a mask that belongs to something thin before a smooth background, (H, W) float32.
+
+    How much a pixel differs from the background, Σ|I − B| / Σ(I + B) over the channels, is taken relative to the most
+    that anything near by does, or to a least contrast.
+
+    Parameters
+    ----------
+    mask : (H, W) bool. Shares fade out over the last pixels before its border, half of the width.
+    image : (H, W, 3) float.
+    width : Of the widest thing that is thin, pixels, 1 or more.
+    contrast : Least difference that counts as whole, in (0, 1].
+    """
+    import cv2
+
+    shares = np.zeros(mask.shape, np.float32)
+    if not mask.any():
+        return shares
+    around = _bounds(mask, margin=6 * width + 12)  # the reaches of all filters together
+    light = np.maximum(image[around], 0).astype(np.float32)
+    background = _background(image, around, width)
+    both = (light + background).sum(axis=2)
+    difference = np.abs(light - background).sum(axis=2)
+    differs = np.divide(difference, both, out=np.zeros_like(both), where=both > 0)
+    differs = cv2.GaussianBlur(differs, (0, 0), _LINE)
+    near_by = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
+    most = cv2.GaussianBlur(cv2.dilate(differs, near_by), (0, 0), width / 2)
+    low, high = _BACKGROUND, _THING
+    share = np.clip((differs / np.maximum(most, np.float32(contrast)) - low) / (high - low), 0, 1)
+    # Half of a square around the border is inside, and all of it from half a square on.
+    inside = cv2.blur(mask[around].astype(np.float32), (width | 1, width | 1), borderType=cv2.BORDER_REPLICATE)
+    shares[around] = _drawn_apart(share) * np.clip(2 * inside - 1, 0, 1)
+    return shares
+
+
+def _background(image: FloatArray, part: tuple[slice, slice], width: int) -> FloatArray:
+    """Median of each channel over squares of twice the width, of which thin things fill less than half."""
+    import cv2
+
+    tones, middle = _tones(image, part)
+    levels = cv2.medianBlur(np.rint(255 * tones).astype(np.uint8), 2 * width + 1)
+    tones = cv2.GaussianBlur((levels / 255).astype(np.float32), (0, 0), _LEVELS)
+    tones = np.minimum(tones, np.float32(254.5 / 255))  # the last level has no upper end
+    return middle * tones / (1 - tones)
+
+
 def soft(mask: np.ndarray, image: FloatArray, radius: float) -> FloatArray:
     """A mask as shares from 0 to 1 that follow the edges of an image, (H, W) float32.
 
@@ -81,13 +136,23 @@ def soft(mask: np.ndarray, image: FloatArray, radius: float) -> FloatArray:
         return shares
     reach = math.ceil(_REACH * radius)
     around = _bounds(mask, margin=2 * reach)
-    middle = float(np.mean(image))
-    guide = np.maximum(image[around], 0).astype(np.float32)
-    guide = guide / (guide + np.float32(middle if middle > 0 else 1))  # HDR into [0, 1)
+    guide, _ = _tones(image, around)
     share = cv2.ximgproc.jointBilateralFilter(guide, mask[around].astype(np.float32), 2 * reach + 1, _ALIKE, radius)
-    share = np.clip(share, 0, 1)
-    shares[around] = share * share * (3 - 2 * share)
+    shares[around] = _drawn_apart(np.clip(share, 0, 1))
     return shares
+
+
+def _tones(image: FloatArray, part: tuple[slice, slice]) -> tuple[FloatArray, np.float32]:
+    """Light of any strength in [0, 1), for a part of an image, and the light of which they are half: its median."""
+    lit = image[image > 0]
+    middle = np.float32(np.median(lit) if lit.size else 1)
+    light = np.maximum(image[part], 0).astype(np.float32)
+    return light / (light + middle), middle
+
+
+def _drawn_apart(share: np.ndarray) -> FloatArray:
+    """Shares drawn towards 0 and 1, smoothly."""
+    return share * share * (3 - 2 * share)
 
 
 def _bounds(mask: np.ndarray, margin: int) -> tuple[slice, slice]:

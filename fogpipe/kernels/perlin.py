@@ -162,8 +162,14 @@ def _add_octave(first, last, rows, columns, starts, high, wide, key, strength, i
         if row_cell[y] != row_of_corners:
             row_of_corners = row_cell[y]
             for run in range(runs):
+                cell = column_cell[starts[run]]
+                shared = run > 0 and cell == column_cell[starts[run - 1]] + 1
                 for corner in range(4):
-                    i, j = column_cell[starts[run]] + corner % 2, row_of_corners + corner // 2
+                    if shared and corner % 2 == 0:  # also the right corner of the cell before
+                        across[run, corner] = across[run - 1, corner + 1]
+                        along[run, corner] = along[run - 1, corner + 1]
+                        continue
+                    i, j = cell + corner % 2, row_of_corners + corner // 2
                     bits = hashed(key, i % wide if wide else i, j % high if high else j, 0)
                     across[run, corner] = signed_share(bits, 0) * strength if is_gradient else np.float32(0)
                     along[run, corner] = signed_share(bits, 32) * strength

@@ -163,6 +163,104 @@ LEVELS_AT_ONE_IN_A_THOUSAND = 320
 quantile of 1/2, since a median jumps."""
 
 
+@stage("haze.contrast_corrected")
+def contrast_corrected(
+    image: Image,
+    airlight: Airlight,
+    transmission: Transmission,
+    structure: Image | None = None,
+    *,
+    noise_sigma: Annotated[float, Ge(0)] | None = None,
+    patch: Annotated[int, Ge(3), Unit("px")] = 9,
+    radius: Annotated[int, Ge(1), Unit("px")] = 60,
+    smoothness: Annotated[float, Gt(0)] = 1e-2,
+    offset: float = -0.76,
+    slope: float = -0.27,
+    interplay: float = 0.12,
+    floor: Floor = 0.02,
+) -> Transmission:
+    r"""Transmission of a dark-pixel prior, corrected by the contrast of what is seen.
+
+    With :math:`q = \operatorname{mean}_c (1 - I_c / B_c)`, what a place is darker than the airlight,
+
+    .. math:: \ln t' = \ln t + a + (b + c \ln t)\, \rho, \qquad
+              \rho = \ln \frac{\operatorname{std} q + 0.01}{\max(\operatorname{mean} q, 0) + 0.05}
+
+    Haze of the same thickness scales the deviation and the mean of q alike, so ρ belongs to the scene. Where it is low
+    (a road, a wall, the sky) the darkest pixel of a neighbourhood is as bright as the rest, and priors that look for
+    black take the thing for haze; where it is high (leaves) there is black.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, the hazy image I.
+    airlight : (3,) or (H, W, 3) float, B. A channel without airlight is passed over.
+    transmission : (H, W) float, t, as ``haze.non_local`` or a prior gives it.
+    structure : (H, W, 3) float, by whose edges ρ is smoothed; the image where it is not given.
+    noise_sigma : Standard deviation of the noise of the image, whose variance is taken off that of q; None estimates
+        it.
+    patch : Side of the square in which deviation and mean are taken.
+    radius, smoothness : Of the guided filter that smooths ρ.
+    offset, slope, interplay : a, b, c.
+    floor : The least transmission that is ever returned.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for a float64 image (computed in float32), in [floor, 1]; at least the lower bound of
+        the image without noise wherever t is.
+
+    Raises
+    ------
+    ValueError
+        If a value is NaN or infinite, the airlight is black, or the sizes differ.
+
+    Notes
+    -----
+    About 0.1 µs per pixel. a, b and c were fitted by the signal-to-noise ratio of the restored picture on the
+    procedural road with seeds 11 to 14 (each counted twice) and three indoor photographs with measured depth, at
+    optical thicknesses of 1 to 3. They suit ``haze.non_local`` with its defaults. Roads gain much by them, rooms with
+    white walls little.
+
+    References
+    ----------
+    The idea of learning a few coefficients is that of Zhu, Mai and Shao 2015, *A fast single image haze removal
+    algorithm using color attenuation prior*; the cue is fogpipe's own.
+    """
+    import cv2
+
+    from fogpipe.kernels.dehazing import model
+    from fogpipe.kernels.dehazing.noise import deviation
+
+    require_haze(image, airlight)
+    guide = image if structure is None else structure
+    require_maps(image=(image, 3), transmission=(transmission, 1), structure=(guide, 3))
+    require_finite(transmission=transmission, structure=guide)
+    picture, field = model.image_and_field(np.asarray(image, np.float32), np.asarray(airlight, np.float32))
+    sigma = deviation(picture) if noise_sigma is None else noise_sigma
+    seen = field > 0
+    q = np.where(seen, 1 - picture / np.where(seen, field, 1), 0).sum(axis=2) / seen.sum(axis=2)
+    noise = np.where(seen, np.square(sigma / np.where(seen, field, 1)), 0).sum(axis=2) / np.square(seen.sum(axis=2))
+    contrast = _contrast(q.astype(np.float32), noise.astype(np.float32), patch)
+    contrast = cv2.ximgproc.guidedFilter(np.ascontiguousarray(guide, np.float32), contrast, radius, smoothness)
+    before = np.clip(np.asarray(transmission, np.float32), floor, 1)
+    log_t = np.log(before)
+    corrected = np.exp(log_t + offset + (slope + interplay * log_t) * contrast)
+    bound = lower_bound(picture, airlight, floor=floor, noise_sigma=sigma)
+    corrected = np.clip(np.maximum(corrected, np.minimum(before, bound)), floor, 1)
+    return corrected.astype(floats(image)[0].dtype, copy=False)
+
+
+def _contrast(q: FloatArray, noise: FloatArray, patch: int) -> FloatArray:
+    """ρ: the logarithm of deviation over mean in a square, without the variance of the noise."""
+    import cv2
+
+    def mean(plane: FloatArray) -> FloatArray:
+        return np.asarray(cv2.blur(plane, (patch, patch), borderType=cv2.BORDER_REFLECT), np.float32)
+
+    level = mean(q).reshape(q.shape)
+    spread = np.sqrt(np.maximum(mean(q * q).reshape(q.shape) - level**2 - noise, 0))
+    return np.log((spread + np.float32(0.01)) / (np.maximum(level, 0) + np.float32(0.05)))
+
+
 def _denoised(image: FloatArray, noise_sigma: float | None) -> FloatArray:
     """The image by non-local means, or as it is where there is no noise."""
     from fogpipe.kernels.dehazing.latent import weighted_mean

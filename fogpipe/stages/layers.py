@@ -1,4 +1,4 @@
-"""Depth from what a person says: layers, receding planes, shading (Lopez-Moreno 2008, section 3.4.1)."""
+"""Depth by a person: layers, receding planes, shading, thin structure (Lopez-Moreno 2008, section 3.4.1)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from fogpipe.kernels import layering
 from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_maps
-from fogpipe.ports import Image, Mask, Range, RelativeDepth, Unit
+from fogpipe.ports import Image, Mask, RelativeDepth, Unit
 from fogpipe.stage import stage
 from fogpipe.stages.airlight import LUMINANCE
 
@@ -135,7 +135,7 @@ def plane(
         it is at its ends; across it, depth is the same.
     near, far : Depth at the two points, as numbers or by name.
     form : ``"perspective"`` or ``"linear"``.
-    nearest : r, the distance at depth 0 as a share of that at depth 1, as in :func:`to_range`.
+    nearest : r, the distance at depth 0 as a share of that at depth 1.
     feather : as in :func:`flat`.
 
     Returns
@@ -173,8 +173,7 @@ def shading(
     image: Image,
     *,
     near: Share | Plane = 0.0,
-    far: Share | Plane | None = 1.0,
-    nearer: Literal["brighter", "darker"] = "brighter",
+    far: Share | Plane = 1.0,
     span: tuple[Share, Share] = (0.02, 0.98),
     smooth: Annotated[float, Ge(0), Le(50), Unit("px")] = 4.0,
     feather: Feather = 0.0,
@@ -186,8 +185,7 @@ def shading(
     below : (H, W) float, the depth so far.
     mask : (H, W) bool, the region of the layer.
     image : (H, W, 3) float, linear light.
-    near, far : Depth of the brightest and of the darkest. Without a far, the darkest stay what they are below.
-    nearer : ``"brighter"``, or ``"darker"`` for what stands dark before a bright sky, such as branches or a mast.
+    near, far : Depth of the brightest and of the darkest. With near above far, the darker is the nearer.
     span : Quantiles of the luminance in the region, in f-stops, that are the darkest and the brightest.
     smooth : Standard deviation of the bilateral filter in space; 0 for none.
     feather : as in :func:`flat`.
@@ -219,34 +217,59 @@ def shading(
     if _no_region(mask):
         return floats(below)[0].copy()
     level = layering.brightness(image @ np.array(LUMINANCE, image.dtype), mask, span, smooth)
-    if nearer == "darker":
-        level = 1 - level
-    deepest = below if far is None else np.array(_depth(far), np.float32)
-    return _laid_over(below, deepest + level * (np.float32(_depth(near)) - deepest), mask, image, feather)
+    start, end = _depth(near), _depth(far)
+    return _laid_over(below, end + level * np.float32(start - end), mask, image, feather)
 
 
-@stage("layers.to_range")
-def to_range(
-    depth: RelativeDepth,
+@stage("layers.structure", identity_when=_no_region)
+def structure(
+    below: RelativeDepth,
+    mask: Mask,
+    image: Image,
     *,
-    farthest: Annotated[float, Gt(0), Unit("m")] = 100.0,
-    nearest: Annotated[float, Ge(0), Lt(1)] = 0.05,
-) -> Range:
-    """Metres from relative depth, linear between a nearest and a farthest distance.
+    depth: Share | Plane = "middle",
+    width: Annotated[int, Ge(1), Le(100), Unit("px")] = 15,
+    contrast: Annotated[float, Gt(0), Le(1)] = 0.5,
+) -> RelativeDepth:
+    r"""Lay one depth over what is below, where something thin stands out: a lattice, branches, wires.
+
+    .. math:: d = \frac{\sum|I - B|}{\sum(I + B)}, \qquad Z' = Z + s\left(\frac{d}{\max(d_\mathrm{most}, c)}\right)
+              (Z_\mathrm{thin} - Z)
+
+    The share s is smooth, 0 up to a tenth and 1 from a half. So what is dark stands out as what is bright does, or has
+    another colour, and each line relative to what else there is near it. Draw the region loosely: background in it
+    stays what it is below.
 
     Parameters
     ----------
-    depth : (H, W) float, 0 near to 1 far. NaN where unknown.
-    farthest : Distance at depth 1.
-    nearest : Distance at depth 0, as a share of the farthest.
+    below : (H, W) float, Z, the depth so far.
+    mask : (H, W) bool, the region of the layer. The layer fades out towards its border, over half of the width.
+    image : (H, W, 3) float, I, linear light. The background B is the median of each channel over a square of twice the
+        width; sums go over the channels.
+    depth : From 0, near, to 1, far, or one of close-up (0.1), middle (0.5) and background (1).
+    width : Of the widest part that is to stand out. The most that anything differs, d_most, is looked for as far away.
+    contrast : c, from 0 to 1. Where nothing differs by so much, clouds and noise count for less.
 
     Returns
     -------
-    (H, W) float32, or float64 for float64 depth, metres. NaN stays.
+    (H, W) float32, or float64 for float64 depth below.
+
+    Raises
+    ------
+    ValueError
+        If the image is not finite somewhere, or the sizes differ.
+
+    Notes
+    -----
+    Things may fill less than half of any square, or they are taken for background. Where the background has an edge of
+    its own, such as that of a cloud, choose a small width.
+    About 0.4 µs per pixel around the region, at any width.
     """
-    require_maps(depth=(depth, 1))
-    (depth,) = floats(depth)
-    return farthest * (nearest + (1 - nearest) * depth)
+    require_maps(below=(below, 1), mask=(mask, 1), image=(image, 3))
+    require_finite(image=image)
+    (below,) = floats(below)
+    share = layering.standing_out(mask, image, width, contrast)
+    return below + share * (np.float32(_depth(depth)) - below)
 
 
 def _depth(depth: float | str) -> float:

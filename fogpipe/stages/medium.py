@@ -60,11 +60,12 @@ METRES_PER_KILOMETRE = 1_000
 
 
 class Medium(NamedTuple):
-    """Coefficients of a homogeneous medium, per metre; the extinction is the sum of the other two."""
+    """A homogeneous medium: coefficients per metre (the extinction is the sum of the others), and how far one sees."""
 
     absorption: Coefficient
     scattering: Coefficient
     extinction: Coefficient
+    visibility: Length
 
 
 def extinction_from_visibility(visibility: float, threshold: Threshold = "wmo-5%") -> float:
@@ -145,6 +146,7 @@ def fog(
     Returns
     -------
     absorption, scattering, extinction : κa, κs and β = κa + κs, numbers per metre.
+    visibility : V in metres by ``threshold``, however the medium was given; infinite for clear air.
 
     Raises
     ------
@@ -171,7 +173,8 @@ def fog(
     elif extinction is None:
         extinction = _extinction_from_thickness(optical_thickness, float(farthest))
     scattering = albedo * extinction
-    return Medium(np.array(extinction - scattering), np.array(scattering), np.array(extinction, np.float64))
+    seen = visibility_from_extinction(extinction, threshold)
+    return Medium(*(np.array(number, np.float64) for number in (extinction - scattering, scattering, extinction, seen)))
 
 
 def _extinction_from_thickness(optical_thickness: float, farthest: float) -> float:

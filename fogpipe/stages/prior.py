@@ -23,8 +23,8 @@ def dark_channel(
     patch: Patch = 15,
     strength: Annotated[float, Ge(0), Le(1)] = 0.95,
     guide: Literal["colour", "grey", "none"] = "colour",
-    radius: Patch = 20,
-    smoothness: Annotated[float, Gt(0)] = 1e-3,
+    radius: Patch = 40,
+    smoothness: Annotated[float, Gt(0)] = 1e-2,
 ) -> Transmission:
     r"""Transmission by the dark channel prior: in a clear picture every patch has a pixel with a channel near black.
 
@@ -40,7 +40,8 @@ def dark_channel(
     strength : ω; what is below 1 leaves some haze, by which the eye sees distance.
     guide : Of the filter: the image in colour, its grey (half the time, halos where colours of the same grey meet), or
         none for the map as it is, in blocks.
-    radius : Of the guided filter, pixels.
+    radius : Of the guided filter, pixels. It and its ε were chosen on the same scenes as the settings of
+        ``haze.contrast_corrected``.
     smoothness : ε of the guided filter: edges of the image of a smaller variance are smoothed over.
 
     Returns

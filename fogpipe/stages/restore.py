@@ -111,8 +111,8 @@ def non_local(
     transmission: Transmission,
     *,
     noise_sigma: Annotated[float, Ge(0)] | None = None,
-    window: Annotated[int, Ge(3), Le(255), Unit("px")] = 21,
-    layer: Annotated[float, Gt(0)] = 0.1,
+    window: Annotated[int, Ge(3), Le(255), Unit("px")] = 15,
+    layer: Annotated[float, Gt(0)] = 0.3,
     strictness: Annotated[float, Gt(0)] = 4.0,
     solver: Literal["mean", "median"] = "mean",
     balance: Annotated[float, Gt(0)] = 0.2,
@@ -157,7 +157,8 @@ def non_local(
 
     Notes
     -----
-    About 3 ns per pixel and pixel of the window: 1.3 µs per pixel. Memory is linear.
+    About 3 ns per pixel and pixel of the window: 0.7 µs per pixel. A window of 21 takes twice as long and gains 0.1 dB
+    or less. Memory is linear.
 
     Deviates from the paper: the mean is the default. It leaves less noise than the median (whose form is kept), because
     every neighbour counts as far as its own noise allows.
@@ -183,3 +184,48 @@ def non_local(
             scene = latent.weighted_median(scene, t, *weights, balance, passes)
         scene = scene.astype(dtype, copy=False)
     return np.clip(scene, 0, 1, out=scene) if clip else scene
+
+
+@stage("restore.tempered_colour")
+def tempered_colour(
+    image: Image, transmission: Transmission, *, airlight_error: Annotated[float, Ge(0)] = 0.015, floor: Floor = 0.1
+) -> Image:
+    r"""Dehazed image without the colours that come of an airlight which is not quite right.
+
+    An error δ of the hue of the airlight becomes :math:`δ (1 - t)/t` in the scene: rings of colour in bright clouds.
+    With the chroma :math:`C = L - \operatorname{mean}_c L` of the scene, which was :math:`t C` in the hazy image,
+
+    .. math:: L' = \operatorname{mean}_c L + \frac{|t C|^2}{|t C|^2 + δ^2 (1 - t)^2}\, C .
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, the dehazed image L.
+    transmission : (H, W) float, t in [0, 1].
+    airlight_error : δ, root-mean-square error of a channel of the airlight's colour; 0 returns the image.
+    floor : The t0 of the dehazing.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image, of the same intensity as the image.
+
+    Raises
+    ------
+    ValueError
+        If a value is NaN or infinite, or the sizes differ.
+
+    Notes
+    -----
+    About 30 ns per pixel. The factor is that of Wiener's filter. Colours that are faint behind thick haze lose most,
+    those of near things nothing.
+    """
+    require_maps(image=(image, 3), transmission=(transmission, 1))
+    require_finite(image=image, transmission=transmission)
+    if airlight_error == 0:
+        return image.copy()
+    image, transmission = floats(image, transmission)
+    t = np.maximum(transmission, image.dtype.type(floor))[..., None]
+    grey = image.mean(axis=2, keepdims=True)
+    chroma = image - grey
+    seen = np.square(t * chroma).mean(axis=2, keepdims=True)
+    doubt = np.square(image.dtype.type(airlight_error) * (1 - t))
+    return grey + chroma * (seen / np.maximum(seen + doubt, np.finfo(image.dtype).tiny))

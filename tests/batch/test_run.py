@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -212,3 +215,20 @@ def test_ctrl_c_finishes_what_is_under_way_and_the_next_run_the_rest(photos: Pho
     assert 1 <= len(rows) < 4
     assert len(manifest(out)) == len(rows)
     assert run_batch(make_batch(data, out)).made == 4 - len(rows)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself Ctrl-C there")
+def test_ctrl_c_while_a_row_is_written_loses_nothing(photos: Photos, make_batch: Make, tmp_path: Path):
+    class Interrupting(Watcher):
+        def done(self, done):
+            if not done_items:
+                os.kill(os.getpid(), signal.SIGINT)
+            done_items.append(done.item)
+
+    done_items: list[str] = []
+    data, out = photos(6), tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(make_batch(data, out, engine="processes", workers=2), Interrupting())
+    made = {path.name for path in out.glob("*.png")}
+    assert {row["hazy"] for row in manifest(out)} == made  # also of what was under way
+    assert 1 <= len(made) <= 4  # two workers: what came in first, and what was under way by then

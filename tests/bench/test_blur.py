@@ -37,7 +37,7 @@ def test_a_layer_is_premultiplied_and_whole():
 
 def test_half_precision_ruins_euler():
     layer, _ = premultiplied("motorcycle", 60, 80)
-    half, single, double = (row.error for row in number_formats(layer))
+    half, single, double = (row.error for row in number_formats(layer) if row.way.startswith("euler"))
     # Hundreds of roundings of 2^-11 against one of 2^-24.
     assert half > 5 * single
     assert single == pytest.approx(double, rel=0.05)

@@ -63,6 +63,6 @@ def test_a_single_layer_is_fogged_evenly():
 
 def test_empty_masks_are_skipped_and_say_so():
     image = np.full((40, 60, 3), 0.3, np.float32)
-    result = fogpipe.load("lopez2008", set={"outline.corners": OUTSIDE}).run(to=["depth"], image=image)
+    result = fogpipe.load("lopez2008", set={"beside.corners": OUTSIDE}).run(to=["depth"], image=image)
     skipped = {report.name: report.reason for report in result.reports if report.status == "skipped"}
     assert skipped["depth"] == "the mask is empty"

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fogpipe.stages.haze import lower_bound, non_local
+from fogpipe.stages.haze import contrast_corrected, lower_bound, non_local
 
 GREY = np.array([0.9, 0.9, 0.9], np.float32)
 COLOUR = st.floats(0, 1, width=32)
@@ -143,3 +143,54 @@ def test_what_cannot_be_read_backwards_is_refused():
             function(holed, GREY)
     with pytest.raises(ValueError, match="structure has 4 × 4 pixels but image has 5 × 4"):
         non_local(image, GREY, image[:, :4])
+
+
+def test_haze_of_one_thickness_leaves_the_contrast_as_it_was():
+    """ρ is of the scene: behind t and behind t/2 the correction differs by its coefficient of ln t alone."""
+    scene = street(seed=3)[0] * 0.5
+    thin, thick = np.full(scene.shape[:2], 0.4, np.float32), np.full(scene.shape[:2], 0.2, np.float32)
+    # The constants 0.01 and 0.05 that keep ρ finite weigh twice as much behind the thicker haze: a few per cent.
+    options = {"noise_sigma": 0.0, "interplay": 0.0, "offset": 0.0, "slope": -0.3}
+    first, second = (np.log(contrast_corrected(hazy(scene, t, GREY), GREY, t, **options) / t) for t in (thin, thick))
+    np.testing.assert_allclose(first, second, atol=0.05)
+
+
+def test_an_even_surface_is_not_taken_for_haze_and_leaves_are():
+    rng = np.random.default_rng(5)
+    scene = np.full((80, 160, 3), 0.4, np.float32)
+    scene[:, 80:] = rng.choice([0.05, 0.75], (80, 80, 1))
+    image = hazy(scene, np.full((80, 160), 0.8, np.float32), GREY)
+    before = np.full((80, 160), 0.5, np.float32)
+    after = contrast_corrected(image, GREY, before, noise_sigma=0.0)
+    assert after[:, :40].min() > 1.1 * before[0, 0]
+    assert after[:, 120:].mean() < after[:, :40].mean()
+
+
+def test_without_coefficients_the_transmission_stays_and_the_bound_holds():
+    scene, t = street()
+    image = hazy(scene, t, GREY)
+    options = {"noise_sigma": 0.0, "slope": 0.0, "interplay": 0.0}
+    np.testing.assert_allclose(contrast_corrected(image, GREY, t, offset=0.0, **options), t, rtol=1e-6)  # exp(log t)
+    lowered = contrast_corrected(image, GREY, t, offset=-5.0, **options)
+    assert (lowered >= np.minimum(t, lower_bound(image, GREY, floor=0.02)) * (1 - 1e-6)).all()  # float32
+
+
+def test_noise_is_not_taken_for_contrast():
+    t = np.full((90, 120), 0.5, np.float32)
+    scene = np.full((90, 120, 3), 0.4, np.float32)
+    noisy = hazy(scene, t, GREY) + np.random.default_rng(2).normal(0, 10 / 255, scene.shape).astype(np.float32)
+    clean = contrast_corrected(hazy(scene, t, GREY), GREY, t, noise_sigma=0.0)
+    told = contrast_corrected(noisy, GREY, t, noise_sigma=10 / 255)
+    untold = contrast_corrected(noisy, GREY, t, noise_sigma=0.0)
+    assert np.abs(np.log(told / clean)).mean() < np.abs(np.log(untold / clean)).mean() / 2
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (5, 4)])
+@pytest.mark.parametrize("value", [0.0, 0.9, 3.0])
+def test_constant_tiny_black_and_bright_images_are_corrected_to_something_finite(shape, value):
+    image, t = np.full((*shape, 3), value, np.float32), np.full(shape, 0.5, np.float32)
+    for airlight in (GREY, np.array([0.0, 0.9, 0.9], np.float32)):
+        corrected = contrast_corrected(image, airlight, t)
+        assert corrected.shape == shape
+        assert (corrected >= 0.02).all()
+        assert (corrected <= 1).all()

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from fogpipe.stages.layers import backdrop, flat, plane, polygon, shading, to_range
+from fogpipe.stages.depth import to_range
+from fogpipe.stages.layers import backdrop, flat, plane, polygon, shading, structure
 
 IMAGE = np.full((40, 60, 3), 0.2, np.float32)
 FAR = backdrop(IMAGE)
@@ -103,8 +104,9 @@ class TestFlat:
             cv2.setNumThreads(threads)
             results.append(flat(below, mask, noisy, depth=0.3, feather=3).tobytes())
             results.append(shading(below, mask, noisy).tobytes())
+            results.append(structure(below, mask, noisy).tobytes())
         cv2.setNumThreads(usual)
-        assert results[:2] == results[2:]
+        assert results[:3] == results[3:]
 
 
 class TestPlane:
@@ -122,7 +124,7 @@ class TestPlane:
             nearest=0.05,
             form="perspective",
         )
-        metres = to_range(ground, farthest=100, nearest=0.05)
+        metres = to_range(ground, near=5, far=100, law="linear")
         # Rounding of depths in single precision.
         assert metres[10:, 7] == pytest.approx(distance[10:], rel=1e-5)
         assert metres[:10] == pytest.approx(100, rel=1e-6)
@@ -165,7 +167,7 @@ class TestShading:
         assert depth[0, 0] == pytest.approx(0.9)
 
     def test_or_darker_is(self):
-        depth = shading(FAR, EVERYWHERE, self.RAMP, near=0.2, far=0.9, smooth=0, nearer="darker")
+        depth = shading(FAR, EVERYWHERE, self.RAMP, near=0.9, far=0.2, smooth=0)
         assert (np.diff(depth[0]) >= 0).all()
 
     @pytest.mark.parametrize("exposure", [1e-3, 1e4])
@@ -188,11 +190,6 @@ class TestShading:
         assert smooth[:, 5:25].std() < 0.5 * rough[:, 5:25].std()
         assert smooth[:, 28].mean() - smooth[:, 31].mean() > 0.8  # of 1
 
-    def test_without_a_far_the_darkest_stay_what_they_are(self):
-        depth = shading(backdrop(IMAGE, depth=0.7), EVERYWHERE, self.RAMP, near=0.1, far=None, smooth=0)
-        assert depth[0, 0] == pytest.approx(0.7)
-        assert depth[0, -1] == pytest.approx(0.1)
-
     @pytest.mark.parametrize("value", [0.0, 1e4])
     def test_a_region_of_one_luminance_has_one_depth(self, value):
         depth = shading(FAR, EVERYWHERE, np.full((40, 60, 3), value, np.float32))
@@ -203,11 +200,77 @@ class TestShading:
             shading(FAR, LEFT, IMAGE, span=(0.5, 0.5))
 
 
-class TestToRange:
-    def test_metres_lie_between_nearest_and_farthest(self):
-        depth = np.array([[0, 0.5, 1, np.nan]], np.float32)
-        metres = to_range(depth, farthest=200, nearest=0.1)
-        assert metres == pytest.approx(np.array([[20, 110, 200, np.nan]]), nan_ok=True)
+class TestStructure:
+    SKY = np.array([0.02, 0.05, 0.15]) * np.linspace(1, 3, 120)[:, None, None] * np.ones((120, 160, 1))
+    """A gradient of a factor of 3, as in a sky."""
+    MASK = np.ones((120, 160), bool)
+    BELOW = np.ones((120, 160))
+
+    def lattice(self, colour):
+        """Lines of 1 to 7 px over the sky."""
+        image, lines = self.SKY.copy(), np.zeros((120, 160), bool)
+        for x, wide in ((20, 1), (50, 2), (80, 3), (110, 5), (140, 7)):
+            lines[:, x : x + wide] = True
+        lines |= np.abs(np.subtract.outer(np.arange(120), np.arange(160) / 2)) < 1
+        image[lines] = colour
+        return image, lines
+
+    @pytest.mark.parametrize(
+        "colour",
+        [(0, 0, 0), (0.03, 0.02, 0.01), (0.3, 0.25, 0.1), (1e4, 1e4, 1e4)],
+        ids=["black", "rust", "lit", "lamp"],
+    )
+    def test_lines_are_whole_and_the_sky_between_them_stays(self, colour):
+        image, lines = self.lattice(colour)
+        depth = structure(self.BELOW, self.MASK, image, depth=0.0, width=10)
+        assert depth[lines].max() < 0.05
+        beside = cv2.dilate(lines.astype(np.uint8), np.ones((7, 7))) > 0  # the reach of the filter that joins lines
+        assert depth[~beside].min() > 0.99
+
+    def test_faint_lines_are_relative_to_what_is_near_them(self):
+        image = self.SKY.copy()
+        image[:, 30:32] *= 0.55  # differs by 0.29
+        alone = structure(self.BELOW, self.MASK, image, depth=0.0, width=10, contrast=0.3)
+        image[:, 38:40] *= 0.05
+        beside_black = structure(self.BELOW, self.MASK, image, depth=0.0, width=10, contrast=0.3)
+        assert alone[:, 30:32].max() < 0.05
+        assert 0.05 < beside_black[60, 30] < 0.95
+        assert beside_black[60, 38] < 0.05
+
+    def test_a_smooth_picture_has_none_in_spite_of_noise(self):
+        noisy = self.SKY * np.random.default_rng(4).normal(1, 0.05, self.SKY.shape)
+        depth = structure(self.BELOW, self.MASK, noisy, depth=0.0)
+        assert depth.mean() > 0.99
+
+    def test_the_border_of_the_region_is_no_seam(self):
+        image, _ = self.lattice((0, 0, 0))
+        image[58:62] = 0  # crosses the border
+        mask = self.MASK.copy()
+        mask[:, 100:] = False
+        depth = structure(self.BELOW, mask, image, depth=0.0, width=20)
+        assert (depth[:, 100:] == 1).all()
+        # It fades over half of the width, 10 px.
+        assert np.abs(np.diff(depth[60, 85:105])).max() < 0.15
+
+    @pytest.mark.parametrize("exposure", [1e-3, 1e4])
+    def test_exposure_does_not_matter(self, exposure):
+        image, _ = self.lattice((0.03, 0.02, 0.01))
+        usual = structure(self.BELOW, self.MASK, image)
+        assert structure(self.BELOW, self.MASK, image * exposure) == pytest.approx(usual, abs=1e-3)
+
+    def test_only_the_surroundings_of_the_region_are_looked_at_and_nobody_can_tell(self):
+        image, _ = self.lattice((0.03, 0.02, 0.01))
+        near, both = np.zeros((2, 120, 160), bool)
+        near[20:40, 10:25] = both[20:40, 10:25] = True
+        both[100:, 150:] = True
+        alone, together = (structure(self.BELOW, mask, image, width=3) for mask in (near, both))
+        assert alone[:60, :60] == pytest.approx(together[:60, :60], abs=1e-6)  # sums in another order
+
+    @pytest.mark.parametrize("value", [0.0, 1.0, 1e4])
+    def test_a_picture_of_one_light_has_none(self, value):
+        flat_image = np.full((40, 60, 3), value, np.float32)
+        # One of 255 tones, as a share of the least contrast: far from a tenth.
+        assert np.array_equal(structure(FAR, EVERYWHERE, flat_image, depth=0.0), FAR)
 
 
 @pytest.mark.parametrize("shape", [(1, 50), (50, 1), (1, 1)])
@@ -218,7 +281,7 @@ def test_pictures_of_one_row_or_column(shape):
         flat(far, mask, image, depth=0.3, feather=3),
         plane(far, mask, image, feather=3),
         shading(far, mask, image, feather=3),
+        structure(far, mask, image, depth=0.3, width=3),
     ):
         assert depth.shape == shape
-        assert (depth < 1).any()
         assert ((depth >= 0) & (depth <= 1)).all()

@@ -74,13 +74,24 @@ def test_optical_thickness_is_that_of_the_farthest_point(farthest, thickness):
 )
 def test_the_three_examples_of_the_paper(thickness, albedo, absorption, scattering):
     medium = fog(np.array(46.0), optical_thickness=thickness, albedo=albedo)  # SYNS: Rmax = 46 m
-    normalised = [float(coefficient) * 46 for coefficient in medium]
+    normalised = [float(coefficient) * 46 for coefficient in medium[:3]]
     assert normalised == pytest.approx([absorption, scattering, absorption + scattering], abs=1e-15)
 
 
 def test_visibility_and_extinction_come_before_the_thickness():
     assert fog(np.array(10.0), extinction=0.3, optical_thickness=7.0).extinction == 0.3
     assert fog(np.array(10.0), visibility=50.0).extinction == extinction_from_visibility(50.0)
+
+
+@pytest.mark.parametrize("threshold", ["wmo-5%", "koschmieder-2%"])
+def test_the_visibility_is_told_however_the_medium_is_given(threshold):
+    for amount in ({"extinction": 0.1}, {"optical_thickness": 1.0}, {"visibility": 50.0}, {"weather": "dense-fog"}):
+        medium = fog(np.array(10.0), **amount, threshold=threshold)
+        assert medium.visibility == pytest.approx(visibility_from_extinction(float(medium.extinction), threshold))
+    assert fog(NOTHING_MEASURED, visibility=50.0, threshold=threshold).visibility == pytest.approx(
+        50.0
+    )  # rounding only
+    assert fog(NOTHING_MEASURED, extinction=0.0, threshold=threshold).visibility == np.inf
 
 
 def test_two_answers_to_one_question_are_refused():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import cv2
 import numpy as np
 import pytest
@@ -58,6 +60,8 @@ def test_more_haze_is_less_transmission(stage):
 
 @every_stage
 def test_near_and_far_are_told_apart(stage):
+    if stage is prior.dark_channel:  # whose filter is by default as wide as this picture
+        stage = partial(stage, radius=20, smoothness=1e-3)
     found = stage(blend(scene_with_black(), layers(), B), B)
     assert found[:, 10:40].mean() > found[:, 60:90].mean() + 0.3
 

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from fogpipe.kernels.bands import set_threads, threads
 from fogpipe.stages.composite import naive
-from fogpipe.stages.restore import invert, non_local
+from fogpipe.stages.restore import invert, non_local, tempered_colour
 
 GREY = np.array([0.9, 0.9, 0.9], np.float32)
 SIGMA = 10 / 255
@@ -125,3 +125,28 @@ def test_double_precision_stays():
     assert got.dtype == np.float64
     # The inversion in double precision, rounded, against that in single precision.
     np.testing.assert_allclose(got, non_local(image, GREY, t, noise_sigma=SIGMA, window=9), atol=1e-4)
+
+
+def test_a_wrong_airlight_gives_clouds_no_colour_and_near_things_keep_theirs():
+    rng = np.random.default_rng(6)
+    scene = np.repeat(rng.uniform(0.5, 0.9, (40, 60, 1)), 3, axis=2).astype(np.float32)  # grey clouds
+    scene[:, :20] = [0.6, 0.2, 0.1]
+    t = np.full((40, 60), 0.12, np.float32)
+    t[:, :20] = 0.9
+    wrong = GREY + np.array([0.01, 0.0, -0.01], np.float32)
+    found = invert(naive(scene, t, GREY), wrong, t, clip=False)
+    tempered = tempered_colour(found, t, airlight_error=0.02)
+    chroma = np.ptp(found, axis=2), np.ptp(tempered, axis=2)
+    assert chroma[0][:, 20:].min() > 0.1  # 0.02 (1 − t) / t
+    assert chroma[1][:, 20:].max() < 0.5 * chroma[0][:, 20:].min()
+    np.testing.assert_allclose(tempered[:, :20], found[:, :20], atol=0.002)  # (0.02 · 0.1)² of (0.9 · 0.3)²
+    np.testing.assert_allclose(tempered.mean(axis=2), found.mean(axis=2), atol=1e-6)  # float32
+    assert (tempered_colour(found, t, airlight_error=0.0) == found).all()
+
+
+@pytest.mark.parametrize("value", [0.0, 0.9, 5.0])
+def test_colours_of_grey_and_tiny_images_are_tempered_without_nan(value):
+    image, t = np.full((1, 3, 3), value, np.float32), np.array([[0.0, 0.5, 1.0]], np.float32)
+    np.testing.assert_allclose(tempered_colour(image, t), image, rtol=1e-6)  # float32
+    with pytest.raises(ValueError, match="transmission"):
+        tempered_colour(image, np.full((1, 3), np.nan, np.float32))

@@ -14,6 +14,7 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.diffusion.choice import auto, reference
 from fogpipe.kernels.diffusion.implicit import adi
+from fogpipe.kernels.diffusion.mipmap import mipmap
 from fogpipe.kernels.diffusion.published import euler, fed, invariant, invariant_corrected
 
 Solver = Callable[[np.ndarray, np.ndarray, float, float, float], FloatArray]
@@ -27,6 +28,7 @@ SOLVERS: dict[str, Solver] = {
     "euler": lambda layer, scale, finest, max_rate, tolerance: euler(layer, scale, finest, max_rate),
     "fed": lambda layer, scale, finest, max_rate, tolerance: fed(layer, scale, finest, max_rate),
     "adi": lambda layer, scale, finest, max_rate, tolerance: adi(layer, scale, finest),
+    "mipmap": lambda layer, scale, finest, max_rate, tolerance: mipmap(layer, scale, finest),
     "reference": lambda layer, scale, finest, max_rate, tolerance: reference(layer, scale, finest),
 }
 """Solvers by the name that the stage gives them."""

@@ -1,29 +1,32 @@
-"""Diffusion as a polynomial of the operator, in tiles that stay in the cache.
+"""Diffusion on one level as a polynomial of the operator, in tiles that stay in the cache.
 
 The equation ∂F/∂t = −A F is linear, so its solution at time 1 is e^{−A} F. On the spectrum [0, λ] of A, the Chebyshev
 series of e^{−a} converges faster than any power once its degree passes √λ: what is left out is about
 erfc(degree / √λ). A degree of m costs m steps of four neighbours; Euler would take λ/2 steps for a first-order result.
 
-Each tile is computed with a margin of m cells in which the values age, so that all steps run in the cache, and no tile
-depends on another. A tile in which no light moves is copied.
+A tile is computed with a margin of as many cells as there are steps, in which the values age, so that all steps run in
+the cache and no tile depends on another. A polynomial of high degree is the product of several, each of which is one
+pass over the tiles. A tile in which no light moves is copied.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numba
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy import special
 
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
-from fogpipe.kernels.diffusion.grid import Grid
+from fogpipe.kernels.diffusion.grid import Level
 
-TILE = (64, 256)
-"""Rows and columns: with a margin of ten, what a step touches fills the second cache."""
-LARGEST_IN_TILES = 32
-"""Above this degree the margins cost more than the cache saves, and the whole grid is stepped at once."""
+MARGINED = (96, 256)
+"""Rows and columns of a tile with its margins: what a step touches nearly fits the second cache."""
+LARGEST_MARGIN = 16
+"""Above this degree the margins cost more than another pass over the layer."""
 
 
 def degree_for(spectrum: float, share: float) -> int:
@@ -31,263 +34,307 @@ def degree_for(spectrum: float, share: float) -> int:
     if spectrum <= 0:
         return 0
     degree = max(1, int(math.sqrt(spectrum) * float(special.erfcinv(min(share, 1.0)))))
-    while _left_out(spectrum, degree) > share:
+    while special.erfc((degree + 0.5) / math.sqrt(spectrum)) > share:
         degree += 1
+    if spectrum <= 64:  # few steps, of which each counts
+        while _left_out(spectrum, degree) > share:
+            degree += 1
     return degree
 
 
+@lru_cache(256)
+def _left_out(spectrum: float, degree: int) -> float:
+    points = np.linspace(0, 1, 2001) ** 2  # share of the spectrum, dense near 0
+    missed = chebyshev.chebval(1 - 2 * points, coefficients(spectrum, degree)) - np.exp(-spectrum * points)
+    return float(np.abs(missed).max())
+
+
 def coefficients(spectrum: float, degree: int) -> np.ndarray:
-    """Chebyshev series of e^{−a} on [0, λ], scaled to be 1 at a = 0, so that the mean is conserved."""
-    series = 2 * special.ive(np.arange(degree + 1), spectrum / 2)
-    series[0] /= 2
-    return series / series.sum()
+    """Chebyshev coefficients of the polynomial nearest to e^{−a} on [0, λ] that is 1 at a = 0: so the mean is kept.
+
+    Nearest for a layer whose variance is spread over patterns like that of a photograph, evenly over the logarithm of
+    a, and a tenth of it over all of [0, λ]. It leaves out half as much as the series of the same degree does once
+    that is scaled to be 1 at 0.
+    """
+    if spectrum <= 0:
+        return np.ones(1)
+    count = 4 * degree + 64
+    angle = (np.arange(count) + 0.5) / count * np.pi
+    share = (1 - np.cos(angle)) / 2
+    density = np.sin(angle) / np.maximum(share, 1e-4)
+    weight = np.sqrt(density / density.sum() + 0.1 / count)[:, None]
+    patterns = chebyshev.chebvander(1 - 2 * share, degree)[:, 1:] - 1
+    wanted = np.expm1(-spectrum * share)[:, None]
+    basis, triangle = np.linalg.qr(weight * patterns)
+    series = np.linalg.solve(triangle, basis.T @ (weight * wanted))[:, 0]
+    return np.r_[1 - series.sum(), series]
+
+
+@lru_cache(64)
+def passes(spectrum: float, degree: int) -> tuple[np.ndarray, ...]:
+    """Chebyshev series, 1 at a = 0, whose product is that of :func:`coefficients`, each of a degree for one pass.
+
+    The roots are dealt out so that no factor grows much anywhere, which keeps rounding errors small, and
+    the order is the best of some in what the errors of one pass become in those that follow. Up to 0.1 s, once.
+    """
+    series = coefficients(spectrum, degree)
+    count = -(-degree // LARGEST_MARGIN)
+    if count <= 1:
+        return (series,)
+    roots = chebyshev.chebroots(series)
+    roots = roots[roots.imag > -1e-9]
+    units = [np.array([root, root.conjugate()] if root.imag > 1e-9 else [root.real]) for root in roots]
+    factors = []
+    for own in _dealt(sorted(units, key=lambda unit: unit[0].real), count):
+        nodes = np.cos(np.pi * (np.arange(len(own) + 1) + 0.5) / (len(own) + 1))
+        factors.append(chebyshev.chebfit(nodes, np.prod((nodes[:, None] - own) / (1 - own), axis=1).real, len(own)))
+    return tuple(factors[k] for k in _steadiest(factors))
 
 
 def diffused(
-    layer: FloatArray, grid: Grid, clip: float, share: float, coarse: tuple[FloatArray, FloatArray]
+    layer: FloatArray, level: Level, series: tuple[np.ndarray, ...], spectrum: float, added: FloatArray | None = None
 ) -> FloatArray:
-    """Diffuse what a layer adds to its coarse layer, and add the coarse layer as it has become.
+    """Diffuse a layer (H, W, 4) on a level, after what a coarser level adds to its mobile cells.
 
     Parameters
     ----------
-    layer : (H, 4, W)
-    clip : largest rate across a face. Fine detail is gone at this rate already.
-    share : what the polynomial may leave out of any pattern.
-    coarse : the coarse layer, and what diffusion has added to it.
+    series : as from :func:`passes`.
+    spectrum : λ of these series.
+    added : (H/2, W/2, 4).
     """
-    spectrum = _spectrum(grid, clip)
-    degree = degree_for(spectrum, share)
-    series = coefficients(spectrum, degree).astype(layer.dtype)
-    rows, channels, columns = layer.shape
-    height, width = TILE
-    rate = layer.dtype.type(4 / spectrum if spectrum else 0)
-    flow = (grid.east, grid.south, 1 / grid.widths, 1 / grid.heights, layer.dtype.type(clip), rate)
-    base, added = coarse
-    after = np.empty_like(layer)
-    if degree <= LARGEST_IN_TILES:
-        tile_rows = -(-rows // height)
-        arguments = (*flow, series, base, added, base + added, after)
-        in_bands(_tiles, tile_rows, height * columns, height, width, layer, *arguments)
-        return after
-    now, before, total = (np.zeros((rows + 2, channels, columns + 2), layer.dtype) for _ in range(3))
-    weights = np.zeros((4, rows + 2, columns + 2), layer.dtype)
-    _load_weights(0, rows, 0, columns, *flow, weights)
-    moving = np.empty((rows, 2), np.int64)
-    in_bands(_load, rows, columns, layer, base, weights, series, before, total, moving)
-    in_bands(_first_step_of_all, rows, columns, moving, before, weights, series[1], now, total)
-    for share_of_step in series[2:]:
-        in_bands(_step_of_all, rows, columns, moving, now, weights, share_of_step, before, total)
-        now, before = before, now
-    in_bands(_store, rows, columns, total, base + added, after)
-    return after
+    rows, columns, _ = layer.shape
+    real = layer.dtype.type
+    nothing = np.zeros((1, 1, 4), layer.dtype)
+    added = nothing if added is None else added
+    rate = real(4 / spectrum if spectrum else 0)
+    results = [np.empty_like(layer) for _ in series[:2]]
+    for number, factor in enumerate(series):
+        after = results[number % 2]
+        height, width = (size - 2 * (len(factor) - 1) for size in MARGINED)
+        arguments = (height, width, _flat(layer), level.mass, level.east, level.south, real(level.clip), rate)
+        bands = -(-rows // height), height * columns
+        in_bands(_tiles, *bands, *arguments, level.mobile, added, _in_precision(factor, layer.dtype), _flat(after))
+        layer, added = after, nothing
+    return layer
 
 
-def _spectrum(grid: Grid, clip: float) -> float:
-    """Upper bound of the eigenvalues (Gershgorin): twice the rates out of a cell, over its width, for each axis."""
-    bound = 0.0
-    for rates, widths in ((grid.east, grid.widths), (grid.south, grid.heights)):
-        if len(widths) > 1:
-            ways_out = np.full(len(widths), 2.0)
-            ways_out[[0, -1]] = 1
-            bound += 2 * min(clip, float(rates.max())) * float((ways_out / widths).max())
-    return bound
+def _flat(layer: FloatArray) -> FloatArray:
+    """Rows of four numbers for each pixel."""
+    return layer.reshape(len(layer), -1)
 
 
-def _left_out(spectrum: float, degree: int) -> float:
-    return float(special.erfc((degree + 0.5) / math.sqrt(spectrum)))
+def _dealt(units: list[np.ndarray], count: int) -> list[np.ndarray]:
+    """Roots in groups, every n-th in one, and then swapped as long as that lowers what a factor grows to."""
+    points = np.cos(np.linspace(0, np.pi, 129))
+    logs = np.array([np.log(np.abs(np.prod((points[:, None] - u) / (1 - u), axis=1)) + 1e-30) for u in units])
+    group = np.arange(len(units)) % count
+    sums = np.array([logs[group == k].sum(axis=0) for k in range(count)])
+    rng = np.random.default_rng(0)
+    for i, j in rng.integers(len(units), size=(1500, 2)):
+        a, b = group[i], group[j]
+        one, other = sums[a] + logs[j] - logs[i], sums[b] + logs[i] - logs[j]
+        if a != b and max(one.max(), other.max()) < max(sums[a].max(), sums[b].max()):
+            sums[a], sums[b] = one, other
+            group[i], group[j] = b, a
+    return [np.concatenate([unit for unit, k in zip(units, group, strict=True) if k == own]) for own in range(count)]
+
+
+def _in_precision(series: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    """Rounded so that the sum still is 1."""
+    rounded = series.astype(dtype)
+    rounded[0] += dtype.type(1 - rounded.sum(dtype=np.float64))
+    return rounded
+
+
+def _steadiest(factors: list[np.ndarray]) -> tuple[int, ...]:
+    points = np.cos(np.linspace(0, np.pi, 257))
+    values = np.abs([chebyshev.chebval(points, factor) for factor in factors])
+    rng = np.random.default_rng(1)
+    orders = [np.arange(len(factors)), *(rng.permutation(len(factors)) for _ in range(100))]
+
+    def growth(order: np.ndarray) -> float:
+        before = np.cumprod(values[order], axis=0).max()
+        return max(before, np.cumprod(values[order[::-1]], axis=0).max())
+
+    return tuple(int(k) for k in min(orders, key=growth))
+
+
+# Tiles have one fixed width of 288 cells, the four channels of a row one after the other, and indices that cannot be
+# negative: only then does the compiler see that the arrays of a step are apart, and works on 16 cells at once, whose
+# weights it loads once for the four channels. Rows begin 16 cells in, so that vectors lie on their boundaries.
+_ONE, _FOUR = np.uintp(1), np.uintp(4)
+_CHANNEL = np.uintp(MARGINED[1] + 32)
+_ROW = np.uintp(4 * _CHANNEL)
+_WIDTH = int(_CHANNEL)
 
 
 @numba.njit(nogil=True, cache=True)
-def _tiles(
-    first, last, height, width, layer, east, south, inverse_widths, inverse_heights, clip, rate, series,
-    base, added, later, after,
-):  # fmt: skip
-    rows, channels, columns = layer.shape
+def _tiles(first, last, height, width, layer, mass, east, south, clip, rate, mobile, added, series, after):
+    rows, columns = mass.shape
     margin = len(series) - 1
-    # One cell more on each side, of weight 0, so that every cell of a tile has four neighbours.
-    tall, wide = min(height + 2 * margin, rows) + 2, min(width + 2 * margin, columns) + 2
-    now = np.zeros((tall, channels, wide), layer.dtype)
-    before = np.zeros((tall, channels, wide), layer.dtype)
-    total = np.zeros((tall, channels, wide), layer.dtype)
-    weights = np.zeros((4, tall, wide), layer.dtype)
-    line = np.zeros(wide + 3, layer.dtype)
-    coarse_line = np.zeros(wide // 2 + 4, layer.dtype)
+    zero = layer.dtype.type(0)
+    # One row more on each side, of conductance 0, so that every cell of a tile has four neighbours.
+    tall = min(height + 2 * margin, rows) + 2
+    size = tall * _WIDTH
+    now, before, total = _zeros(4 * size, layer), _zeros(4 * size, layer), _zeros(4 * size, layer)
+    inverse, beside, below = _zeros(size, layer), _zeros(size, layer), _zeros(size, layer)
+    values, sums = before.reshape(tall, 4, _WIDTH), total.reshape(tall, 4, _WIDTH)
+    grid = inverse.reshape(tall, _WIDTH), beside.reshape(tall, _WIDTH), below.reshape(tall, _WIDTH)
     for tile in range(first, last):
         for left in range(0, columns, width):
             top = tile * height
             bottom, right = min(top + height, rows), min(left + width, columns)
             y0, y1 = max(top - margin, 0), min(bottom + margin, rows)
             x0, x1 = max(left - margin, 0), min(right + margin, columns)
-            if not _load_weights(y0, y1, x0, x1, east, south, inverse_widths, inverse_heights, clip, rate, weights):
+            if not _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, *grid):
                 for y in range(top, bottom):
-                    for k in range(channels):
-                        here, out = layer[y, k, left:right], after[y, k, left:right]
-                        _upsample(added, y, k, left, right, coarse_line, line)
-                        for i in range(right - left):
-                            out[i] = here[i] + line[i]
+                    _copy(layer[y, 4 * left : 4 * right], after[y, 4 * left : 4 * right])
                 continue
-            for y in range(y0, y1):
-                for k in range(channels):
-                    _upsample(base, y, k, x0, x1, coarse_line, line)
-                    here, value, share = layer[y, k, x0:x1], before[y - y0 + 1, k, 1:], total[y - y0 + 1, k, 1:]
-                    for i in range(x1 - x0):
-                        value[i] = here[i] - line[i]
-                        share[i] = series[0] * value[i]
-            _first_step(1, y1 - y0 + 1, 1, x1 - x0 + 1, before, weights, series[1], now, total)
+            _load_layer(y0, y1, x0, x1, layer, mobile, added, values)
+            whole = _range(1, y1 - y0 + 1, 0, x1 - x0)
+            # Two terms are added to the sum at once, in the last step and every second one before it.
+            share = series[1] if margin % 2 else zero
+            _first_step(*whole, before, beside, below, inverse, series[0], share, now, total)
+            older, newer = before, now
             for degree in range(2, margin + 1):
                 # Values one step from a cut are one step less good: only what the tile still needs is computed.
                 needed = margin - degree
-                j0, j1 = max(top - needed, y0) - y0 + 1, min(bottom + needed, y1) - y0 + 1
-                i0, i1 = max(left - needed, x0) - x0 + 1, min(right + needed, x1) - x0 + 1
-                _step(j0, j1, i0, i1, now, weights, series[degree], before, total)
-                now, before = before, now
-            for y in range(top, bottom):
-                for k in range(channels):
-                    share, out = total[y - y0 + 1, k, left - x0 + 1 :], after[y, k, left:right]
-                    _upsample(later, y, k, left, right, coarse_line, line)
-                    for i in range(right - left):
-                        out[i] = share[i] + line[i]
+                part = _range(
+                    max(top - needed, y0) - y0 + 1,
+                    min(bottom + needed, y1) - y0 + 1,
+                    max(left - needed, x0) - x0,
+                    min(right + needed, x1) - x0,
+                )
+                if (margin - degree) % 2:
+                    _step(*part, newer, beside, below, inverse, older)
+                else:
+                    shares = series[degree - 1], series[degree]
+                    _step_and_sum(*part, newer, beside, below, inverse, *shares, older, total)
+                older, newer = newer, older
+            _store(top, bottom, left, right, y0, x0, sums, after)
 
 
 @numba.njit(nogil=True, cache=True)
-def _load(first, last, layer, base, weights, series, before, total, moving):
-    """The part of each row in which light moves, and what the recurrence starts with; the rest stays as it is."""
-    _, channels, columns = layer.shape
-    line = np.zeros(columns + 3, layer.dtype)
-    coarse_line = np.zeros(columns // 2 + 4, layer.dtype)
-    for y in range(first, last):
-        start, end = columns, 0
-        for x in range(columns):
-            if weights[:, y + 1, x + 1].any():
-                start, end = min(start, x), x + 1
-        moving[y] = start, end
-        for k in range(channels):
-            _upsample(base, y, k, 0, columns, coarse_line, line)
-            for x in range(columns):
-                value = layer[y, k, x] - line[x]
-                before[y + 1, k, x + 1] = value
-                total[y + 1, k, x + 1] = series[0] * value if start <= x < end else value
+def _zeros(size, layer):
+    """On a boundary of the first cache's lines."""
+    block = np.zeros(size + 64, layer.dtype)
+    start = (-block.ctypes.data % 64) // block.itemsize
+    return block[start : start + size]
 
 
 @numba.njit(nogil=True, cache=True)
-def _store(first, last, total, later, after):
-    _, channels, columns = after.shape
-    line = np.zeros(columns + 3, after.dtype)
-    coarse_line = np.zeros(columns // 2 + 4, after.dtype)
-    for y in range(first, last):
-        for k in range(channels):
-            _upsample(later, y, k, 0, columns, coarse_line, line)
-            for x in range(columns):
-                after[y, k, x] = total[y + 1, k, x + 1] + line[x]
+def _range(j0, j1, i0, i1):
+    """Rows, first column and columns of a part of a tile, whole vectors of it."""
+    start = i0 // 16 * 16
+    return np.uintp(j0), np.uintp(j1), np.uintp(start + 16), np.uintp((i1 - start + 15) // 16 * 16)
 
 
 @numba.njit(nogil=True, cache=True)
-def _first_step_of_all(first, last, moving, now, weights, share, after, total):
-    for y in range(first, last):
-        start, end = moving[y]
-        _first_step(y + 1, y + 2, start + 1, end + 1, now, weights, share, after, total)
-
-
-@numba.njit(nogil=True, cache=True)
-def _step_of_all(first, last, moving, now, weights, share, other, total):
-    for y in range(first, last):
-        start, end = moving[y]
-        _step(y + 1, y + 2, start + 1, end + 1, now, weights, share, other, total)
-
-
-@numba.njit(nogil=True, cache=True)
-def _load_weights(y0, y1, x0, x1, east, south, inverse_widths, inverse_heights, clip, rate, weights):
-    """Weights of the neighbours west, east, north and south, 0 beyond the part; whether any is above 0."""
-    zero = rate - rate
+def _load_level(y0, y1, x0, x1, mass, east, south, clip, rate, inverse, beside, below):
+    """1/m and the conductances, 0 beyond the part; whether any is above 0."""
+    zero, one = mass.dtype.type(0), mass.dtype.type(1)
     largest = zero
     size = x1 - x0
-    west_of, east_of, north_of, south_of = weights
+    last = mass.shape[0] - 1
     for y in range(y0, y1):
+        here, under = mass[y, x0:], mass[min(y + 1, last), x0:]
+        to_east, to_south = east[y, x0:], south[y, x0:]
         j = y - y0 + 1
-        along = rate * inverse_heights[y]
-        across = inverse_widths[x0:x1]
-        above, below = south[max(y - 1, 0), x0:x1], south[y, x0:x1]
-        beside = east[y, x0:x1]
+        across, down, parts = beside[j, 16:], below[j, 16:], inverse[j, 16:]
         for i in range(size):
-            flow = rate * min(beside[i], clip)
-            largest = max(largest, flow, below[i])
-            east_of[j, i + 1] = flow * across[i]
-            north_of[j, i + 1] = along * min(above[i], clip)
-            south_of[j, i + 1] = along * min(below[i], clip)
-        for i in range(1, size):
-            west_of[j, i + 1] = rate * min(beside[i - 1], clip) * across[i]
-        west_of[j, 1] = zero
-        east_of[j, size] = zero
-    north_of[1, :] = zero
-    south_of[y1 - y0, :] = zero
-    return largest > 0
+            down[i] = rate * min(to_south[i], clip * min(here[i], under[i]))
+            largest = max(largest, down[i])
+        for i in range(size - 1):
+            across[i] = rate * min(to_east[i], clip * min(here[i], here[i + 1]))
+            largest = max(largest, across[i])
+        for i in range(size):
+            parts[i] = one / here[i] if here[i] > zero else zero
+        across[size - 1 :] = zero
+        down[size:] = zero
+    below[y1 - y0, :] = zero
+    return largest > zero
 
 
 @numba.njit(nogil=True, cache=True)
-def _first_step(j0, j1, i0, i1, now, weights, share, after, total):
+def _load_layer(y0, y1, x0, x1, layer, mobile, added, values):
+    zero, one = layer.dtype.type(0), layer.dtype.type(1)
+    for y in range(y0, y1):
+        pixels, row = layer[y, 4 * x0 : 4 * x1], values[y - y0 + 1]
+        a, b, c, d = row[0, 16:], row[1, 16:], row[2, 16:], row[3, 16:]
+        for i in range(x1 - x0):
+            a[i], b[i], c[i], d[i] = pixels[4 * i], pixels[4 * i + 1], pixels[4 * i + 2], pixels[4 * i + 3]
+        if added.size > 4:
+            more = added[y // 2]
+            for x in range(x0, x1):
+                share = one if mobile[y, x] > zero else zero
+                for k in range(4):
+                    row[k, 16 + x - x0] += share * more[x // 2, k]
+        row[:, 16 + x1 - x0 :] = zero
+
+
+@numba.njit(nogil=True, cache=True)
+def _store(top, bottom, left, right, y0, x0, sums, after):
+    for y in range(top, bottom):
+        row, start = sums[y - y0 + 1], 16 + left - x0
+        a, b, c, d = row[0, start:], row[1, start:], row[2, start:], row[3, start:]
+        pixels = after[y, 4 * left : 4 * right]
+        for i in range(right - left):
+            pixels[4 * i], pixels[4 * i + 1], pixels[4 * i + 2], pixels[4 * i + 3] = a[i], b[i], c[i], d[i]
+
+
+@numba.njit(nogil=True, cache=True)
+def _copy(source, target):
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
+@numba.njit(nogil=True, inline="always")
+def _flow(now, a, to_west, to_east, to_north, to_south):
+    """What flows into a cell."""
+    here = now[a]
+    return (
+        to_west * (now[a - _ONE] - here)
+        + to_east * (now[a + _ONE] - here)
+        + to_north * (now[a - _ROW] - here)
+        + to_south * (now[a + _ROW] - here)
+    )
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _first_step(j0, j1, start, size, now, beside, below, inverse, constant, share, after, total):
     """T(1) = X T(0)."""
-    half = weights.dtype.type(0.5)
-    size = i1 - i0
+    half = inverse.dtype.type(0.5)
     for j in range(j0, j1):
-        # Views from 0 on: an index that cannot be negative lets the compiler work on many cells at once.
-        west_of, east_of = weights[0, j, i0:i1], weights[1, j, i0:i1]
-        north_of, south_of = weights[2, j, i0:i1], weights[3, j, i0:i1]
-        for k in range(now.shape[1]):
-            here, west, east = now[j, k, i0:i1], now[j, k, i0 - 1 :], now[j, k, i0 + 1 :]
-            north, south = now[j - 1, k, i0:i1], now[j + 1, k, i0:i1]
-            later, sums = after[j, k, i0:i1], total[j, k, i0:i1]
-            for i in range(size):
-                value = here[i]
-                later[i] = value + half * (
-                    west_of[i] * (west[i] - value)
-                    + east_of[i] * (east[i] - value)
-                    + north_of[i] * (north[i] - value)
-                    + south_of[i] * (south[i] - value)
-                )
-                sums[i] += share * later[i]
+        for i in range(size):
+            b = j * _CHANNEL + start + i
+            west, east, north, south = beside[b - _ONE], beside[b], below[b - _CHANNEL], below[b]
+            for k in range(_FOUR):
+                a = j * _ROW + k * _CHANNEL + start + i
+                after[a] = now[a] + half * inverse[b] * _flow(now, a, west, east, north, south)
+                total[a] = constant * now[a] + share * after[a]
 
 
-@numba.njit(nogil=True, cache=True)
-def _step(j0, j1, i0, i1, now, weights, share, other, total):
-    """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; ``other`` holds T(k−1), then T(k+1)."""
-    size = i1 - i0
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _step(j0, j1, start, size, now, beside, below, inverse, older):
+    """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; ``older`` holds T(k−1), then T(k+1)."""
     for j in range(j0, j1):
-        west_of, east_of = weights[0, j, i0:i1], weights[1, j, i0:i1]
-        north_of, south_of = weights[2, j, i0:i1], weights[3, j, i0:i1]
-        for k in range(now.shape[1]):
-            here, west, east = now[j, k, i0:i1], now[j, k, i0 - 1 :], now[j, k, i0 + 1 :]
-            north, south = now[j - 1, k, i0:i1], now[j + 1, k, i0:i1]
-            older, sums = other[j, k, i0:i1], total[j, k, i0:i1]
-            for i in range(size):
-                value = here[i]
-                after = (
-                    (value - older[i])
-                    + value
-                    + west_of[i] * (west[i] - value)
-                    + east_of[i] * (east[i] - value)
-                    + north_of[i] * (north[i] - value)
-                    + south_of[i] * (south[i] - value)
-                )
-                older[i] = after
-                sums[i] += share * after
+        for i in range(size):
+            b = j * _CHANNEL + start + i
+            west, east, north, south = beside[b - _ONE], beside[b], below[b - _CHANNEL], below[b]
+            for k in range(_FOUR):
+                a = j * _ROW + k * _CHANNEL + start + i
+                older[a] = (now[a] - older[a]) + now[a] + inverse[b] * _flow(now, a, west, east, north, south)
 
 
-@numba.njit(nogil=True, cache=True)
-def _upsample(coarse, y, k, first, last, coarse_line, line):
-    """Linear interpolation between the centres of coarse cells, for part of a row; constant beyond the last centre."""
-    near, far = coarse.dtype.type(0.75), coarse.dtype.type(0.25)
-    rows, _, columns = coarse.shape
-    other = y // 2 + 1 if y % 2 else y // 2 - 1
-    here, there = coarse[y // 2, k], coarse[min(max(other, 0), rows - 1), k]
-    start = first // 2 - 1
-    size = (last - 1) // 2 + 2 - start
-    for i in range(size):
-        x = min(max(start + i, 0), columns - 1)
-        coarse_line[i] = near * here[x] + far * there[x]
-    odd = first % 2
-    for i in range(odd, last - first, 2):
-        x = (i + odd) // 2 + 1
-        line[i] = near * coarse_line[x] + far * coarse_line[x - 1]
-    for i in range(1 - odd, last - first, 2):
-        x = (i + odd) // 2 + 1
-        line[i] = near * coarse_line[x] + far * coarse_line[x + 1]
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _step_and_sum(j0, j1, start, size, now, beside, below, inverse, share, next_share, older, total):
+    """A step, and what T(k) and T(k+1) add to the polynomial."""
+    for j in range(j0, j1):
+        for i in range(size):
+            b = j * _CHANNEL + start + i
+            west, east, north, south = beside[b - _ONE], beside[b], below[b - _CHANNEL], below[b]
+            for k in range(_FOUR):
+                a = j * _ROW + k * _CHANNEL + start + i
+                after = (now[a] - older[a]) + now[a] + inverse[b] * _flow(now, a, west, east, north, south)
+                older[a] = after
+                total[a] += share * now[a] + next_share * after

@@ -2,7 +2,8 @@ r"""From profiles to weights of pixels, for images that are continued by mirrori
 
 The angle of a pixel at the distance r is atan(r / f), f the focal length in pixels, and its solid angle
 cos³θ / f². A pixel takes I at the harmonic mean distance of its area, :math:`1 / \int dA / r`, which is exact for a
-cusp of 1/r. What little the rule misses goes to the pixel in the middle, and the energy that falls beyond the
+cusp of 1/r. Pixels near the source are taken in parts, and what little
+the rule misses goes to the pixel in the middle, and the energy that falls beyond the
 mirrored image is spread evenly. So weights are linear in the profile, and their sum is its energy.
 """
 
@@ -31,6 +32,12 @@ def weights(profile: np.ndarray, focal: float, height: int, width: int) -> tuple
     quadrant : (H + 1, W + 1) float64. The other quadrants mirror it; a picture that is mirrored at its
         borders repeats after 2 H and 2 W, so that the last row and column stand for both sides.
     beyond : the energy that is left.
+
+    Notes
+    -----
+    What the harmonic mean misses is how p bends over a part of the side h, (h/r)²/24 · r²∇²p / p for a part at the
+    distance r. Pixels are parted so that h is about r/24 at most, and r/9 next to the source, where p hardly bends: for
+    p between r and r⁻⁴ weights are right within 0.1 %, and the middle within 0.1 % of the energy of all others.
     """
     quadrant = np.empty((height + 1, width + 1))
     in_bands(_sample, height + 1, width + 1, np.asarray(profile, np.float64), ANGLES, float(focal), quadrant)
@@ -66,15 +73,14 @@ def _energy_beyond(profile: np.ndarray, focal: float, height: int, width: int) -
 def _sample(first, last, profile, angles, focal, quadrant):  # pragma: no cover - compiled
     for y in range(first, last):
         for x in range(quadrant.shape[1]):
-            if x + y > 4:
-                quadrant[y, x] = _square(float(x), float(y), 1.0, profile, angles, focal)
-                continue
-            # Near the cusp, a profile that bends within a pixel is taken in parts (an odd number: no corner is at 0).
+            # Parts, where a profile bends within a pixel; an odd number along a side, so that no corner is at 0.
+            half = min(4, 24 // (x + y + 1))
+            parts = 2 * half + 1
             added = 0.0
-            for j in range(9):
-                for i in range(9):
-                    added += _square(x + (i - 4) / 9, y + (j - 4) / 9, 1 / 9, profile, angles, focal)
-            quadrant[y, x] = added / 81
+            for j in range(-half, half + 1):
+                for i in range(-half, half + 1):
+                    added += _square(x + i / parts, y + j / parts, 1 / parts, profile, angles, focal)
+            quadrant[y, x] = added / (parts * parts)
 
 
 @njit(cache=True, nogil=True, inline="always")
