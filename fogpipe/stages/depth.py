@@ -56,7 +56,9 @@ def from_photo(
               \max\!\Big(y - y_0,\; \frac{y_0 - y}{c},\; \frac{|x - x_0|}{w}\Big).
 
     Where they do not, the row is the prior, lower is nearer, and objects that stand out from the edge of the image
-    are nearer than what is behind them, :math:`n_\mathrm{row} \propto y + p\,o`. The confidence γ in the vanishing
+    are nearer than what is behind them, :math:`n_\mathrm{row} \propto y + p\,o`. Where sky spans the upper edge, it
+    ends at a horizon :math:`y_1`, and the ground is :math:`n_\mathrm{row} \propto (y - y_1)(1 + p\,o)`, nearer
+    only where an object hides the sky. The confidence γ in the vanishing
     point mixes the two, and sky, of likelihood s, is far: :math:`d = 1 - (1 - s)(\gamma n_\mathrm{box} + (1 - \gamma)
     n_\mathrm{row})`. A guided filter brings the edges of the depth to those of the photo.
 

@@ -47,11 +47,12 @@ def test_every_grade_of_weather_has_less_contrast_and_more_airlight_than_the_cle
     import cv2
 
     contrasts, textures, shares = [], [], []
+    even = None
     for weather in GRADES:
         settings = {"t.weather": weather, "t.floor": 0, "t.factor": None}
         result = fogpipe.load(pipeline, set=settings).run(image=photo(name), to=["homogeneous", "transmission"])
         foggy = result["homogeneous"].astype(np.float64)
-        if not shares:  # the clearest: where its optical thickness hardly changes from pixel to pixel, depth is even
+        if even is None:  # the clearest: where its optical thickness hardly changes from pixel to pixel, depth is even
             thickness = -np.log(np.maximum(result["transmission"], 1e-6))
             change = cv2.morphologyEx(thickness, cv2.MORPH_GRADIENT, np.ones((3, 3)))
             even = change <= np.median(change)

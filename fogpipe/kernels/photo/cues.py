@@ -58,7 +58,7 @@ def sky_likelihood(colour: FloatArray, flat: FloatArray, lowest: float) -> Float
     joined = np.exp(-((geodesic(flat, seeds, noise=2) / 18) ** 2))
     # At dusk and at night the sky is darker than other photos' walls, and yet brightens towards the horizon.
     above = float(np.median(lightness[seeds]))
-    as_bright = _above(lightness - (above - 4), 2) * _above(np.float32(40 - above), 3)
+    as_bright = _above(lightness - (above - 4), 2) * _above(np.array(40 - above, np.float32), 3)
     likely = hue * np.maximum(bright, as_bright) * joined
     return behind_thin_objects(likely, colour) * _above(np.float32(lowest) - rows, 0.02)
 
@@ -86,7 +86,7 @@ def behind_thin_objects(sky: FloatArray, colour: FloatArray) -> FloatArray:
     gap = np.ones((THICKEST, THICKEST), np.uint8)
     regions = cv2.morphologyEx(((alike > 0.5) | (certain > 0)).astype(np.uint8), cv2.MORPH_CLOSE, gap)
     number, found = cv2.connectedComponents(regions, connectivity=4)
-    labels = np.asarray(found)
+    labels = np.asarray(found, np.intp)
     kept = np.zeros(number, bool)
     kept[np.unique(labels[certain > 0])] = True
     kept[0] = False
