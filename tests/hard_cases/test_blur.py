@@ -107,3 +107,14 @@ def test_threads_do_not_change_a_bit(name, dtype):
     finally:
         bands.set_threads(before)
     assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 2), (2, 1), (1, 40), (40, 1), (2, 2), (3, 200), (200, 3)])
+@pytest.mark.parametrize("width", [1.5, 25.0, 200.0])
+def test_auto_takes_every_shape(shape: tuple[int, int], width: float):
+    rng = np.random.default_rng(8)
+    layer = rng.random((*shape, 4), dtype=np.float32)
+    scale = np.float32(width) * (1 + rng.random(shape, dtype=np.float32))
+    blurred = diffusion(layer, scale)
+    # No light is made or lost, but for the rounding of single precision.
+    np.testing.assert_allclose(blurred.mean((0, 1), dtype=float), layer.mean((0, 1), dtype=float), atol=1e-5)

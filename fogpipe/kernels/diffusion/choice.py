@@ -188,5 +188,7 @@ def _bounded(share: float) -> float:
 
 
 def _roughness(layer: FloatArray) -> float:
-    """Root mean square of the steps from one pixel of a row to the next, over √2; of some rows."""
-    return math.sqrt(float(np.mean(np.diff(_some(layer), axis=1) ** 2)) / 2)
+    """Root mean square of the steps from one pixel of a row to the next, over √2. One column is taken as a row."""
+    lines = _some(layer) if layer.shape[1] > 1 else layer.transpose(1, 0, 2)
+    steps = np.diff(lines, axis=1)
+    return math.sqrt(float(np.mean(steps**2)) / 2) if steps.size else 0.0
