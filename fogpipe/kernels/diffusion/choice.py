@@ -47,6 +47,8 @@ LEAST_CONTRAST = 0.08
 """Contrast at an edge of the scales, as a share of the variation, even where the layer shows none on the spot."""
 OF_A_SHARE = 0.4
 """Error of the polynomials of all levels over their share and the variation: 0.12 to 0.3 measured on two scenes."""
+STEADY_RATE = 512.0
+"""Up to here (a blur of 32 px) the rounding errors of one polynomial stay below 1e-5; at 80 px they would be 1e-2."""
 LARGEST_SHARE = 0.15
 """More would leave texture where the tolerance would not notice but an eye would."""
 SMALLEST_SHARE = 1e-5
@@ -96,12 +98,12 @@ def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float
         return 1, math.inf, LARGEST_SHARE
     allowed = tolerance / variation
     if _roughness(layer) > ROUGHEST * variation:
-        return 1, math.inf, _bounded(0.95 * allowed)
-    whole = _bounded(tolerance / max(OF_DETAIL * _detail(layer, float(scale.max())), tolerance))
+        return on_pixels(largest, 0.95 * allowed)
+    whole = on_pixels(largest, tolerance / max(OF_DETAIL * _detail(layer, float(scale.max())), tolerance))
     if scale.size < FEWEST_PIXELS:
-        return 1, math.inf, whole
+        return whole
     found = edges(layer, scale, variation)
-    plans = [(float(degree_for(8 * largest, whole)), (1, math.inf, whole))]
+    plans = [(float(whole[0] * degree_for(8 * largest / whole[0], whole[2])), whole)]
     for splitting in SPLITTINGS:
         stretches, clip = splitting.stretches, splitting.clip
         if largest / stretches <= clip:
@@ -113,6 +115,12 @@ def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float
             # In steps on the pixels, to which it takes as long as eight to set up the levels.
             plans.append((stretches * (8 + 1.3 * degree_for(8 * clip, share)), (stretches, clip, share)))
     return min(plans)[1]
+
+
+def on_pixels(largest: float, share: float) -> tuple[int, float, float]:
+    """The plan without coarse cells: as many stretches as keep the rounding errors of a polynomial small."""
+    stretches = max(1, math.ceil(largest / STEADY_RATE))
+    return stretches, math.inf, _bounded(share / stretches)
 
 
 Edges = list[tuple[np.ndarray, np.ndarray]]
