@@ -84,8 +84,9 @@ def staging(folder: Path) -> Iterator[Path]:
     What a killed run left there goes too, after an hour.
     """
     for left in folder.glob(f"{_DRAFT}*"):
-        if time.time() - left.stat().st_mtime > _ABANDONED:
-            shutil.rmtree(left, ignore_errors=True)
+        with contextlib.suppress(FileNotFoundError):  # another run has just ended
+            if time.time() - left.stat().st_mtime > _ABANDONED:
+                shutil.rmtree(left, ignore_errors=True)
     try:
         with tempfile.TemporaryDirectory(dir=folder, prefix=_DRAFT, ignore_cleanup_errors=True) as draft:
             yield Path(draft)
