@@ -1,9 +1,8 @@
-"""Picks stretches of time, largest rate and degree that meet a tolerance at the least cost.
+"""Picks how large cells may be, and how far polynomials go, to meet a tolerance at the least cost.
 
-Two errors add up in quadrature: what a polynomial leaves out, which its share bounds, and what comes of taking the
-levels one after the other, which a model foretells from where the scales jump (:func:`contrast_at_jumps`). Where the
-model asks for too much, the equation is solved on the pixels, and the error is the share of that one polynomial in the
-detail of the layer.
+Two errors add up in quadrature: what a polynomial leaves out, which its share bounds, and what large cells miss. Both
+are proportional to the detail of the layer, what differs over one or two widths of the blur. Where cells would
+miss too much, the equation is solved on the pixels.
 """
 
 from __future__ import annotations
@@ -14,39 +13,18 @@ from typing import NamedTuple
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.diffusion.adaptive import CAP, adaptive
+from fogpipe.kernels.diffusion.grid import conductances
 from fogpipe.kernels.diffusion.polynomial import degree_for
 from fogpipe.kernels.diffusion.published import prepared
-from fogpipe.kernels.diffusion.splitting import split
+from fogpipe.kernels.diffusion.tiles import on_grid
 
+MISSED = {0.5: 0.075, 1.0: 0.047, 2.0: 0.035, 4.0: 0.026, 8.0: 0.0165, 16.0: 0.0125, 32.0: 0.0118}
+"""By the clip, what cells miss over the detail of a photograph: the largest on nine scenes, two sizes, three widths.
 
-class Splitting(NamedTuple):
-    """A way to split, and what it misses.
-
-    Attributes
-    ----------
-    stretches, clip : as in :func:`~fogpipe.kernels.diffusion.splitting.split`.
-    even : share of the variation missed at one scale for the whole of a photograph: a third above the measured.
-    jumps : error over the jumps times the contrast there: the largest measured on eight scenes at two widths.
-    """
-
-    stretches: int
-    clip: float
-    even: float
-    jumps: float
-
-
-SPLITTINGS = (
-    Splitting(1, 2.0, 0.018, 0.35),
-    Splitting(1, 4.0, 0.006, 0.38),
-    Splitting(1, 8.0, 0.006, 0.45),
-    Splitting(1, 16.0, 0.006, 0.54),
-    Splitting(2, 2.0, 0.005, 0.27),
-    Splitting(2, 4.0, 0.004, 0.29),
-)
-LEAST_CONTRAST = 0.08
-"""Contrast at an edge of the scales, as a share of the variation, even where the layer shows none on the spot."""
-OF_A_SHARE = 0.4
-"""Error of the polynomials of all levels over their share and the variation: 0.12 to 0.3 measured on two scenes."""
+The median is half of that. The largest are of a room with ragged edges of its depth."""
+OF_DETAIL = 0.52
+"""Error of a polynomial over its share and the detail of a photograph: on eight 0.23 to 0.45."""
 STEADY_RATE = 512.0
 """Up to here (a blur of 32 px) the rounding errors of one polynomial stay below 1e-5; at 80 px they would be 1e-2."""
 LARGEST_SHARE = 0.15
@@ -54,24 +32,85 @@ LARGEST_SHARE = 0.15
 SMALLEST_SHARE = 1e-5
 """Less is lost in the rounding of float32."""
 FEWEST_PIXELS = 65_536
-"""A smaller layer is quick to do on the pixels, and its levels would soon have no cells."""
+"""A smaller layer is quick to do on the pixels, and its cells would soon be few."""
 ROUGHEST = 0.5
 """Step between neighbours over the variation, above which a layer is no photograph: 0.1 to 0.3 there, 1 in noise."""
-OF_DETAIL = 0.52
-"""Error of the polynomial on the pixels over its share and the detail of a photograph: on eight 0.23 to 0.45."""
+
+
+class Plan(NamedTuple):
+    """How to diffuse a layer.
+
+    Attributes
+    ----------
+    clip : rate at which cells get larger neighbours; infinite for none, the pixels themselves.
+    stretches : of time, each with a polynomial of its own; 1 with cells.
+    share : what a polynomial may leave out of any pattern.
+    """
+
+    clip: float
+    stretches: int
+    share: float
 
 
 def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) -> FloatArray:
     """Diffuse so that the root-mean-square error is at most ``tolerance`` (float32: 1e-5 of the variation or more)."""
     layer, scale = prepared(layer, scale, finest)
+    if scale.size < FEWEST_PIXELS and layer.dtype == np.float32:
+        # Costs next to nothing, and in a few pixels the rounding of hundreds of steps would not average out.
+        return auto(layer.astype(np.float64), scale, finest, tolerance).astype(np.float32)
     part = _moving(scale, finest)
     if scale[part].size == scale.size:
-        return split(layer, scale, finest, *choose(layer, scale, finest, tolerance))
+        return follow(choose(layer, scale, finest, tolerance), layer, scale, finest)
     after = layer.copy()
     if scale[part].size:
         inside, wanted = np.ascontiguousarray(layer[part]), np.ascontiguousarray(scale[part])
-        after[part] = split(inside, wanted, finest, *choose(inside, wanted, finest, tolerance))
+        after[part] = follow(choose(inside, wanted, finest, tolerance), inside, wanted, finest)
     return after
+
+
+def reference(layer: np.ndarray, scale: np.ndarray, finest: float) -> FloatArray:
+    """The equation itself, in float64: at most 1e-9 of any pattern is left out. About 300 steps for 25 px."""
+    layer, scale = prepared(layer.astype(np.float64), scale, finest)
+    return follow(Plan(math.inf, 1, 1e-9), layer, scale, finest)
+
+
+def follow(plan: Plan, layer: FloatArray, scale: FloatArray, finest: float) -> FloatArray:
+    """Diffuse a layer (H, W, 4) according to a plan."""
+    if plan.clip < math.inf:
+        return adaptive(layer, scale, finest, plan.clip, plan.share)
+    east, south = conductances(scale, finest, 1 / plan.stretches)
+    largest = max(float(east.max()), float(south.max()))
+    for _ in range(plan.stretches):
+        layer = on_grid(layer, east, south, largest, plan.share)
+    return layer
+
+
+def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float) -> Plan:
+    """The cheapest plan that meets a tolerance."""
+    variation = _variation(layer)
+    largest = (float(scale.max()) ** 2 - finest**2) / 2
+    if variation == 0 or largest <= 0:
+        return Plan(math.inf, 1, LARGEST_SHARE)
+    if _roughness(layer) > ROUGHEST * variation:
+        return on_pixels(largest, 0.95 * tolerance / variation)
+    detail = max(_detail(layer, float(scale.max())), 1e-6 * variation)
+    whole = on_pixels(largest, tolerance / (OF_DETAIL * detail))
+    plans = [(float(whole.stretches * degree_for(8 * largest / whole.stretches, whole.share)), whole)]
+    if scale.size >= FEWEST_PIXELS:
+        rates = (_some(scale)[:, ::4] ** 2 - finest**2) / 2
+        for clip, missed in MISSED.items():
+            left = tolerance**2 - (missed * detail) ** 2
+            if clip < largest and left > 0:
+                plan = Plan(clip, 1, _bounded(math.sqrt(left) / (OF_DETAIL * detail)))
+                # In steps on the pixels, of which a step of as many cells takes two, and to set up the cells eight.
+                plans.append((8 + 2 * _cells(rates, clip) * degree_for(8 * CAP * clip, plan.share), plan))
+    return min(plans)[1]
+
+
+def on_pixels(largest: float, share: float) -> Plan:
+    """The plan without cells: as many stretches as keep the rounding errors of a polynomial small."""
+    stretches = max(1, math.ceil(largest / STEADY_RATE))
+    return Plan(math.inf, stretches, _bounded(share / stretches))
 
 
 def _moving(scale: FloatArray, finest: float) -> tuple[slice, slice]:
@@ -84,95 +123,15 @@ def _moving(scale: FloatArray, finest: float) -> tuple[slice, slice]:
     return sides[0], sides[1]
 
 
-def reference(layer: np.ndarray, scale: np.ndarray, finest: float) -> FloatArray:
-    """The equation itself, in float64: at most 1e-9 of any pattern is left out. About 300 steps for 25 px."""
-    layer, scale = prepared(layer.astype(np.float64), scale, finest)
-    return split(layer, scale, finest, 1, math.inf, 1e-9)
-
-
-def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float) -> tuple[int, float, float]:
-    """Stretches of time, largest rate of a level, and share that a polynomial may leave out."""
-    variation = _variation(layer)
-    largest = (float(scale.max()) ** 2 - finest**2) / 2
-    if variation == 0 or largest <= 0:
-        return 1, math.inf, LARGEST_SHARE
-    allowed = tolerance / variation
-    if _roughness(layer) > ROUGHEST * variation:
-        return on_pixels(largest, 0.95 * allowed)
-    whole = on_pixels(largest, tolerance / max(OF_DETAIL * _detail(layer, float(scale.max())), tolerance))
-    if scale.size < FEWEST_PIXELS:
-        return whole
-    found = edges(layer, scale, variation)
-    plans = [(float(whole[0] * degree_for(8 * largest / whole[0], whole[2])), whole)]
-    for splitting in SPLITTINGS:
-        stretches, clip = splitting.stretches, splitting.clip
-        if largest / stretches <= clip:
-            break
-        jumps = splitting.jumps * contrast_at_jumps(found, finest, stretches, clip)
-        missed = math.hypot(splitting.even, jumps / variation)
-        if missed < 0.95 * allowed:
-            share = min(math.sqrt(allowed**2 - missed**2) / OF_A_SHARE, LARGEST_SHARE)
-            # In steps on the pixels, to which it takes as long as eight to set up the levels.
-            plans.append((stretches * (8 + 1.3 * degree_for(8 * clip, share)), (stretches, clip, share)))
-    return min(plans)[1]
-
-
-def on_pixels(largest: float, share: float) -> tuple[int, float, float]:
-    """The plan without coarse cells: as many stretches as keep the rounding errors of a polynomial small."""
-    stretches = max(1, math.ceil(largest / STEADY_RATE))
-    return stretches, math.inf, _bounded(share / stretches)
-
-
-Edges = list[tuple[np.ndarray, np.ndarray]]
-"""Of cells of one size: σ² (N, M) along lines, and the squared contrast (N, M − 2) over two cells."""
-
-
-def edges(layer: FloatArray, scale: FloatArray, variation: float) -> list[Edges]:
-    """Scales and contrasts along every 32nd row and column, for pixels and cells of 2, 4, 8, … pixels."""
-    found: list[Edges] = []
-    cell = 1
-    while min(scale.shape) > 2 * cell and cell <= 64:
-        middle, every = slice(cell // 2, None, cell), slice(cell // 2, None, max(cell, 32))
-        lines = (
-            (scale[every, middle], layer[every, middle]),
-            (scale[middle, every].T, layer[middle, every].transpose(1, 0, 2)),
-        )
-        own: Edges = []
-        for sigma, values in lines:
-            difference = values[:, 2:] - values[:, :-2]
-            contrast = np.einsum("yxk,yxk->yx", difference, difference) / 4 + (LEAST_CONTRAST * variation) ** 2
-            own.append((sigma**2, contrast))
-        found.append(own)
-        cell *= 2
-    return found
-
-
-def contrast_at_jumps(found: list[Edges], finest: float, stretches: int, clip: float) -> float:
-    """Contrast of a layer where a splitting goes wrong, to which its error is proportional.
-
-    Of a rate ϱ (per stretch, in cells of a level) the level moves the part φ = min(ϱ, clip)/ϱ and leaves the rest to
-    the next. Where φ is the same on both sides of an edge, or one side does not move at all, the order in which the
-    levels take their turn does not matter. So what is missed is the jump of φ over two cells, weighted by the lower
-    rate up to the clip and by the contrast of the layer: root of the mean square over lines, summed over levels.
-    """
-    squares = 0.0
-    for level, own in enumerate(found):
-        largest = 0.0
-        for variance, contrast in own:
-            rate = (variance - finest**2) * (1 / (2 * stretches * 4**level * clip))  # in clips
-            largest = max(largest, float(rate.max()))
-            moved = 1 / np.maximum(rate, 1)
-            jump = moved[:, 2:] - moved[:, :-2]
-            lower = np.minimum(np.minimum(rate[:, 2:], rate[:, :-2]), 1)
-            squares += float(np.einsum("yx,yx,yx,yx", jump, jump, lower, contrast)) / jump.size / 2
-        if largest <= 1:
-            break
-    return math.sqrt(squares)
+def _cells(rates: FloatArray, clip: float) -> float:
+    """Cells for each pixel: one of 4^k pixels where the rate is up to 4^k clips."""
+    return float(np.mean(0.25 ** np.ceil(np.log(np.maximum(rates / clip, 1)) / math.log(4))))
 
 
 def _variation(layer: FloatArray) -> float:
     """Standard deviation of a channel, root mean square of the channels; of some rows of a large layer."""
-    return math.sqrt(float(_some(layer).var(axis=(0, 1), dtype=np.float64).mean()))
+    channels = np.ascontiguousarray(_some(layer).reshape(-1, 4).T)
+    return math.sqrt(float(channels.var(axis=1, dtype=np.float64).mean()))
 
 
 def _some(lines: np.ndarray) -> np.ndarray:

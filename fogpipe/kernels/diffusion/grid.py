@@ -1,9 +1,9 @@
-"""Grids of cells that fit the scales: where the rate jumps, no coarse cell joins both sides.
+"""A hierarchy of cells that fit the scales: large where the blur is wide, never on both sides of a wall.
 
 Light moves between neighbouring cells of mass m by conductances G across their common face, dF/dt = Σ G ΔF / m. Pixels
-have the mass 1 and the conductance ϱ, the mean of both sides. A level diffuses at rates G/m of ``clip`` at most. What
-is above that is left to the next level, whose cells join those of two by two cells that have any of it: the *mobile*
-ones. The mass of a cell is the number of its pixels.
+have the mass 1 and the conductance ϱ, the mean of both sides. A face is *strong* if it would even out the smaller of
+its cells many times over, G > clip · m. Of two by two cells, those which strong faces connect are joined to one cell of
+the next level: what they hold is soon alike. The others stay as they are, however much is blurred beside them.
 """
 
 from __future__ import annotations
@@ -16,72 +16,70 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 
+LEAST_SHARE = 0.25
+"""Part of its square that a cell must fill to be joined again: the tip of something else would only drag it along."""
+WEAK = 0.1
+"""A face inside a cell that is this much weaker than the one beside it has a way round it."""
+
+BLUR = 0.5
+"""What means over two cells and interpolation between such means blur, as ϱ, in squares of the smaller cells."""
+LEAST_LEFT = 0.4
+"""Of a conductance, when that is taken off it."""
+
 
 class Level(NamedTuple):
-    """Cells (H, W) of a level and what it may move.
+    """Cells (H, W) of 2^k pixels across.
 
     Attributes
     ----------
     mass : pixels in a cell; 0 for none.
     east, south : conductances to the next column and row, in px² per unit of time; 0 in the last one.
-    clip : largest rate G/m of this level.
-    mobile : mass of a cell where some rate is above the clip, else 0.
+    joined : (H/2, W/2) uint8, which of two by two cells are joined to one of the next level: 1, 2, 4, 8 by rows.
+    alone : the same of those that are not.
     """
 
     mass: FloatArray
     east: FloatArray
     south: FloatArray
-    clip: float
-    mobile: FloatArray
+    joined: np.ndarray
+    alone: np.ndarray
 
 
-def finest_level(scale: FloatArray, finest: float, time: float, clip: float) -> Level:
-    """The pixels: ϱ = (σ² − σ0²)/2 at the centres, for a stretch of the unit of time."""
+def conductances(scale: FloatArray, finest: float, time: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """To the east and south of each pixel, the mean of ϱ = (σ² − σ0²)/2 of both sides, for a stretch of the time."""
     rows, columns = scale.shape
     east, south = np.empty_like(scale), np.empty_like(scale)
     real = scale.dtype.type
     in_bands(_faces, rows, columns, scale, real(finest), real(time), east, south)
-    return _level(np.ones_like(scale), east, south, clip)
+    return east, south
 
 
-def coarser_level(level: Level, clip: float) -> Level:
-    """Cells of two by two mobile cells, with the conductances that the level leaves over.
-
-    Resistances 1/G add along the way between the centres of mass of two cells, conductances side by side.
-    """
-    rows, columns = ((size + 1) // 2 for size in level.mass.shape)
-    dtype = level.mass.dtype
-    mass, east, south = (np.empty((rows, columns), dtype) for _ in range(3))
-    limit = dtype.type(level.clip)
-    in_bands(_coarse_mass, rows, columns, level.mobile, mass)
-    in_bands(_coarse_east, rows, columns, level.east, level.mass, level.mobile, limit, east)
-    in_bands(_coarse_south, rows, columns, level.south, level.mass, level.mobile, limit, south)
-    return _level(mass, east, south, clip)
-
-
-def averages(layer: FloatArray, level: Level) -> FloatArray:
-    """Means (H/2, W/2, 4) of a layer over the mobile cells of two by two; 0 where there are none."""
-    rows, columns = ((size + 1) // 2 for size in level.mass.shape)
-    coarse = np.empty((rows, columns, layer.shape[2]), layer.dtype)
-    in_bands(_averages, rows, 4 * columns, layer, level.mobile, coarse)
-    return coarse
+def hierarchy(east: FloatArray, south: FloatArray, clip: float) -> list[Level]:
+    """Levels of cells, beginning with the pixels, until nothing is left to join."""
+    mass = np.ones_like(east)
+    levels: list[Level] = []
+    while True:
+        joined, alone = _joined(mass, east, south, clip, LEAST_SHARE * 4 ** len(levels))
+        levels.append(Level(mass, east, south, joined, alone))
+        if not joined.any():
+            return levels
+        coarse = [np.empty(joined.shape, mass.dtype) for _ in range(3)]
+        blur, least = mass.dtype.type(BLUR * 4 ** (len(levels) - 1)), mass.dtype.type(max(1 - BLUR / clip, LEAST_LEFT))
+        in_bands(_coarsen, *joined.shape, mass, east, south, joined, blur, least, *coarse)
+        mass, east, south = coarse
 
 
-def sharpened(added: FloatArray, level: Level) -> FloatArray:
-    """What is added to cells (H, W, 4), so that means over two by two of it come out right.
-
-    Taking means and giving each cell its mean dampens a wave of k radians per fine cell by cos²(k/2) ≈ 1 − k²/4; a
-    sixteenth of the second difference, between cells that light connects, makes up for it.
-    """
-    after = np.empty_like(added)
-    in_bands(_sharpened, added.shape[0], 4 * added.shape[1], added, level.mass, level.east, level.south, after)
-    return after
-
-
-def _level(mass: FloatArray, east: FloatArray, south: FloatArray, clip: float) -> Level:
-    mobile = np.empty_like(mass)
-    in_bands(_mobile, *mass.shape, mass, east, south, mass.dtype.type(clip), mobile)
-    return Level(mass, east, south, clip, mobile)
+def _joined(
+    mass: FloatArray, east: FloatArray, south: FloatArray, clip: float, least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    rows, columns = mass.shape
+    real = mass.dtype.type
+    joined, alone = (np.empty(((rows + 1) // 2, (columns + 1) // 2), np.uint8) for _ in range(2))
+    strong = np.zeros(mass.shape, np.uint8)
+    if min(rows, columns) > 2:
+        in_bands(_strong, rows, columns, mass, east, south, real(clip), strong)
+    in_bands(_join, *joined.shape, strong, mass, real(least), joined, alone)
+    return joined, alone
 
 
 @numba.njit(nogil=True, cache=True)
@@ -101,132 +99,125 @@ def _faces(first, last, scale, finest, time, east, south):
 
 
 @numba.njit(nogil=True, cache=True)
-def _mobile(first, last, mass, east, south, clip, mobile):
+def _strong(first, last, mass, east, south, clip, strong):
+    """1 for a strong face to the east, 2 for one to the south."""
     rows, columns = mass.shape
-    zero = mass.dtype.type(0)
     for y in range(first, last):
-        above, below = max(y - 1, 0), min(y + 1, rows - 1)
-        out, here = mobile[y], mass[y]
-        # What each of the four faces has above the clip; a border has no face.
+        here, below, out = mass[y], mass[min(y + 1, rows - 1)], strong[y]
+        across, down = east[y], south[y]
         for x in range(columns):
-            out[x] = max(
-                south[y, x] - clip * min(here[x], mass[below, x]),
-                (south[above, x] - clip * min(here[x], mass[above, x])) if y else zero,
-            )
+            out[x] = 2 if down[x] > clip * min(here[x], below[x]) else 0
         for x in range(columns - 1):
-            out[x] = max(out[x], east[y, x] - clip * min(here[x], here[x + 1]))
-        for x in range(columns - 1, 0, -1):
-            out[x] = max(out[x], east[y, x - 1] - clip * min(here[x], here[x - 1]))
-        for x in range(columns):
-            out[x] = here[x] if out[x] > zero else zero
+            out[x] += 1 if across[x] > clip * min(here[x], here[x + 1]) else 0
 
 
 @numba.njit(nogil=True, cache=True)
-def _coarse_mass(first, last, mobile, mass):
-    rows, columns = mobile.shape
+def _join(first, last, strong, mass, least, joined, alone):
+    """Of each two by two cells with a strong face, those that such faces connect: the most mass, if not all."""
+    rows, columns = strong.shape
     for y in range(first, last):
-        for x in range(mass.shape[1]):
-            total = mobile[2 * y, 2 * x]
-            if 2 * x + 1 < columns:
-                total += mobile[2 * y, 2 * x + 1]
-            if 2 * y + 1 < rows:
-                total += mobile[2 * y + 1, 2 * x]
-                if 2 * x + 1 < columns:
-                    total += mobile[2 * y + 1, 2 * x + 1]
-            mass[y, x] = total
-
-
-@numba.njit(nogil=True, cache=True)
-def _coarse_east(first, last, fine, mass, mobile, clip, coarse):
-    rows, columns = fine.shape
-    zero = mass.dtype.type(0)
-    for y in range(first, last):
-        coarse[y, :] = zero
-        for j in range(2 * y, min(2 * y + 2, rows)):
-            flow, m, moving = fine[j], mass[j], mobile[j]
-            for x in range((columns - 1) // 2):
-                a, b, c = 2 * x, 2 * x + 1, 2 * x + 2
-                d = min(2 * x + 3, columns - 1)
-                middle = flow[b] - clip * min(m[b], m[c])
-                if middle > zero:
-                    before = flow[a] - clip * min(m[a], m[b])
-                    after = flow[c] - clip * min(m[c], m[d])
-                    last_mass = moving[d] if d > c else zero
-                    coarse[y, x] += _in_series(moving[a], before, moving[b], middle, moving[c], after, last_mass)
-
-
-@numba.njit(nogil=True, cache=True)
-def _coarse_south(first, last, fine, mass, mobile, clip, coarse):
-    rows, columns = fine.shape
-    zero = mass.dtype.type(0)
-    for y in range(first, last):
-        coarse[y, :] = zero
-        a, b, c = 2 * y, 2 * y + 1, 2 * y + 2
-        if c >= rows:
-            continue
-        d = min(2 * y + 3, rows - 1)
-        for x in range(columns):
-            middle = fine[b, x] - clip * min(mass[b, x], mass[c, x])
-            if middle > zero:
-                before = fine[a, x] - clip * min(mass[a, x], mass[b, x])
-                after = fine[c, x] - clip * min(mass[c, x], mass[d, x])
-                last_mass = mobile[d, x] if d > c else zero
-                coarse[y, x // 2] += _in_series(
-                    mobile[a, x], before, mobile[b, x], middle, mobile[c, x], after, last_mass
-                )
-
-
-@numba.njit(nogil=True, inline="always")
-def _in_series(a, before, b, middle, c, after, d):
-    """Conductance from the centre of mass of cells a and b to that of c and d, across three faces."""
-    # A wall inside a pair of cells that both are mobile lets nothing through.
-    if (a > 0 and before <= 0) or (d > 0 and after <= 0):
-        return middle - middle
-    before, after = (before if a > 0 else middle), (after if d > 0 else middle)
-    product = before * after
-    return middle * product / (product + middle * (a / (a + b) * after + d / (c + d) * before))
-
-
-@numba.njit(nogil=True, cache=True)
-def _averages(first, last, layer, mobile, coarse):
-    rows, columns = mobile.shape
-    size = coarse.shape[1]
-    zero, one = mobile.dtype.type(0), mobile.dtype.type(1)
-    for y in range(first, last):
-        upper, lower = layer[2 * y], layer[min(2 * y + 1, rows - 1)]
-        mass_above, mass_below = mobile[2 * y], mobile[min(2 * y + 1, rows - 1)]
-        inside = one if 2 * y + 1 < rows else zero
-        for x in range(size):
+        upper, lower = 2 * y, min(2 * y + 1, rows - 1)
+        below = 2 * y + 1 < rows
+        for x in range(joined.shape[1]):
             left, right = 2 * x, min(2 * x + 1, columns - 1)
-            beside = one if 2 * x + 1 < columns else zero
-            a, b = mass_above[left], mass_above[right] * beside
-            c, d = mass_below[left] * inside, mass_below[right] * inside * beside
-            inverse = one / max(a + b + c + d, one)
-            for k in range(4):
-                coarse[y, x, k] = inverse * (
-                    a * upper[left, k] + b * upper[right, k] + c * lower[left, k] + d * lower[right, k]
-                )
+            beside = 2 * x + 1 < columns
+            m0, m1, m2, m3 = mass[upper, left], mass[upper, right], mass[lower, left], mass[lower, right]
+            a, b = strong[upper, left], strong[upper, right]
+            c, d = strong[lower, left], strong[lower, right]
+            if a == 3 and b & 2 and c & 1 and min(min(m0, m1), min(m2, m3)) >= least:
+                joined[y, x], alone[y, x] = 15, 0
+                continue
+            there = 1 if m0 > 0 else 0
+            there |= 2 if m1 > 0 and beside else 0
+            there |= 4 if m2 > 0 and below else 0
+            there |= 8 if m3 > 0 and beside and below else 0
+            # Faces to the west and north belong to the cells there.
+            touched = (1 if a else 0) | (2 if b | (a & 1) else 0) | (4 if c | (a & 2) else 0)
+            touched |= 8 if d | (c & 1) | (b & 2) else 0
+            if x:
+                touched |= (strong[upper, left - 1] & 1) | (strong[lower, left - 1] & 1) << 2
+            if y:
+                touched |= (strong[upper - 1, left] & 2) >> 1 | (strong[upper - 1, right] & 2)
+            heavy = (1 if m0 >= least else 0) | (2 if m1 >= least else 0) | (4 if m2 >= least else 0)
+            heavy |= 8 if m3 >= least else 0
+            able = there & touched & heavy
+            best, most = 0, mass.dtype.type(-1)
+            while able:
+                part = _connected(able, a & 1, c & 1, a & 2, b & 2)
+                total = mass.dtype.type(0)
+                total += m0 if part & 1 else 0
+                total += m1 if part & 2 else 0
+                total += m2 if part & 4 else 0
+                total += m3 if part & 8 else 0
+                if total > most:
+                    best, most = part, total
+                able &= ~part
+            joined[y, x], alone[y, x] = best, there & ~best
 
 
 @numba.njit(nogil=True, cache=True)
-def _sharpened(first, last, added, mass, east, south, after):
-    rows, columns = mass.shape
-    zero, sixteenth = mass.dtype.type(0), mass.dtype.type(1 / 16)
+def _connected(able, upper, lower, left, right):
+    """The first of the able cells and those that it reaches by the four faces between them."""
+    part = able & -able
+    for _ in range(2):
+        if upper and part & 3:
+            part |= able & 3
+        if lower and part & 12:
+            part |= able & 12
+        if left and part & 5:
+            part |= able & 5
+        if right and part & 10:
+            part |= able & 10
+    return part
+
+
+@numba.njit(nogil=True, cache=True)
+def _coarsen(first, last, mass, east, south, joined, blur, least, coarse_mass, coarse_east, coarse_south):
+    """Mass of the joined cells; resistances 1/G add along the way between their centres, conductances side by side."""
+    rows, columns = joined.shape
+    zero = mass.dtype.type(0)
     for y in range(first, last):
-        above, below = max(y - 1, 0), min(y + 1, rows - 1)
+        j = 2 * y
         for x in range(columns):
-            left, right = max(x - 1, 0), min(x + 1, columns - 1)
-            m = mass[y, x]
-            share = sixteenth / m if m > zero else zero
-            to_west = share * min(m, mass[y, left]) if east[y, left] > zero and x > 0 else zero
-            to_east = share * min(m, mass[y, right]) if east[y, x] > zero else zero
-            to_north = share * min(m, mass[above, x]) if south[above, x] > zero and y > 0 else zero
-            to_south = share * min(m, mass[below, x]) if south[y, x] > zero else zero
-            for k in range(4):
-                here = added[y, x, k]
-                after[y, x, k] = here - (
-                    to_west * (added[y, left, k] - here)
-                    + to_east * (added[y, right, k] - here)
-                    + to_north * (added[above, x, k] - here)
-                    + to_south * (added[below, x, k] - here)
+            part, i = joined[y, x], 2 * x
+            beside = joined[y, x + 1] if x + 1 < columns else np.uint8(0)
+            below = joined[y + 1, x] if y + 1 < rows else np.uint8(0)
+            a, b = mass[j, i] if part & 1 else zero, mass[j, i + 1] if part & 2 else zero
+            c, d = mass[j + 1, i] if part & 4 else zero, mass[j + 1, i + 1] if part & 8 else zero
+            coarse_mass[y, x] = a + b + c + d
+            flow = zero
+            if part & 2 and beside & 1:
+                far = mass[j, i + 3] if beside & 2 else zero
+                flow += _in_series(a, east[j, i], b, east[j, i + 1], mass[j, i + 2], east[j, i + 2], far)
+            if part & 8 and beside & 4:
+                far = mass[j + 1, i + 3] if beside & 8 else zero
+                flow += _in_series(
+                    c, east[j + 1, i], d, east[j + 1, i + 1], mass[j + 1, i + 2], east[j + 1, i + 2], far
                 )
+            coarse_east[y, x] = max(flow - blur, least * flow)
+            flow = zero
+            if part & 4 and below & 1:
+                far = mass[j + 3, i] if below & 4 else zero
+                flow += _in_series(a, south[j, i], c, south[j + 1, i], mass[j + 2, i], south[j + 2, i], far)
+            if part & 8 and below & 2:
+                far = mass[j + 3, i + 1] if below & 8 else zero
+                flow += _in_series(
+                    b, south[j, i + 1], d, south[j + 1, i + 1], mass[j + 2, i + 1], south[j + 2, i + 1], far
+                )
+            coarse_south[y, x] = max(flow - blur, least * flow)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _in_series(a, before, b, middle, c, after, d):
+    """Conductance from the centre of mass of cells a and b to that of c and d, across three faces; a, d 0 for none."""
+    if middle <= 0:
+        return middle - middle
+    if before < WEAK * middle:
+        before, a = middle, a - a
+    if after < WEAK * middle:
+        after, d = middle, d - d
+    product = before * after
+    if a == b and c == d:
+        half = np.float32(0.5)
+        return middle * product / (product + half * middle * (after + before))
+    return middle * product / (product + middle * (a / (a + b) * after + d / (c + d) * before))

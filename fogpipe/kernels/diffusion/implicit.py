@@ -7,7 +7,7 @@ import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
-from fogpipe.kernels.diffusion.grid import finest_level
+from fogpipe.kernels.diffusion.grid import conductances
 from fogpipe.kernels.diffusion.published import prepared
 
 STEPS = 8
@@ -16,8 +16,8 @@ STEPS = 8
 def adi(layer: np.ndarray, scale: np.ndarray, finest: float, steps: int = STEPS) -> FloatArray:
     """Backward Euler, one tridiagonal system for each row, then for each column: stable at any step, first order."""
     layer, scale = prepared(layer, scale, finest)
-    grid = finest_level(scale, finest, 1.0, np.inf)
-    east, south = (rates / rates.dtype.type(steps) for rates in (grid.east, grid.south.T))
+    east, south = conductances(scale, finest, 1 / steps)
+    south = south.T
     rows, columns = scale.shape
     now = layer.copy()
     for _ in range(steps):
