@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le
 
 from fogpipe.kernels import regions
 from fogpipe.kernels.arrays import floats, require_maps
-from fogpipe.ports import Camera, Depth, Image, Length, Mask, Range, Unit
+from fogpipe.ports import Camera, Depth, Image, Length, Mask, Range, RelativeDepth, Unit
 from fogpipe.stage import stage
 
 
@@ -55,6 +55,40 @@ def farthest(range_map: Range, *, percentile: Annotated[float, Gt(0), Le(100)] =
         return np.array(largest, np.float64)
     measured = range_map[np.isfinite(range_map)]
     return np.array(np.percentile(measured, percentile) if measured.size else np.nan, np.float64)
+
+
+@stage("range.to_relative")
+def to_relative(
+    range_map: Range,
+    *,
+    near: Annotated[float, Ge(0), Unit("m")] = 0.0,
+    far: Annotated[float, Gt(0), Unit("m")] | None = None,
+) -> RelativeDepth:
+    r"""Relative depth from a range, :math:`Z = (R - R_0) / (R_1 - R_0)`, for methods that count depth from 0 to 1.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, R, metres. NaN where unknown, +inf for sky.
+    near : R₀, the range at and before which Z is 0.
+    far : R₁, the range at and beyond which Z is 1; by default the largest measured. Sky has Z = 1.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 range, 0 near to 1 far. Unknown stays NaN.
+
+    Raises
+    ------
+    ValueError
+        If ``far``, or the largest measured range in its place, is not beyond ``near``.
+    """
+    require_maps(range_map=(range_map, 1))
+    (range_map,) = floats(range_map)
+    most = float(farthest(range_map)) if far is None else far
+    if most <= near:
+        raise ValueError(f"far ({most:g} m) must be beyond near ({near:g} m).")
+    relative = np.clip((range_map - near) / (most - near), 0, 1)
+    relative[np.isposinf(range_map)] = 1
+    return relative
 
 
 def _is_dense(range_map: Range) -> str | None:
