@@ -65,7 +65,7 @@ def field(
 
     Notes
     -----
-    About 0.5 ns per pixel and octave on two cores. One array.
+    About 1 ns per pixel and octave on two cores. One array.
     """
     total = np.zeros((height, width), np.float32)
     for octave, weight in enumerate(octave_weights(octaves, persistence)):

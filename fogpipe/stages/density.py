@@ -65,7 +65,7 @@ def perlin(
 
     Notes
     -----
-    About 0.7 ns per pixel and octave on two cores, more where cells are smaller than 4 px; no other array. One image
+    About 1 ns per pixel and octave on two cores, more where cells are smaller than 4 px; no other array. One image
     holds few cells, so its own mean deviates from 1; with side L, the standard deviation is about 0.3 c P / L.
 
     The lattice leaves traces. Of five octaves of gradient noise, the variance is 0.26 times its mean at the
