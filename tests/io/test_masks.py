@@ -131,7 +131,7 @@ def test_a_mask_of_another_size_is_refused_at_the_door(tmp_path, build):
         outputs: {depth: depth}
     """)
     files = {"image": str(tmp_path / "image.png"), "tree": str(tmp_path / "tree.png")}
-    with pytest.raises(InputError, match=r"tree.*has shape \(5, 7\).*\(6, 7, 3\)"):
+    with pytest.raises(InputError, match=r"tree.*has shape \(5, 7\).*\(6, 7, 3\).* Export them at one size"):
         inputs_from_request(make_plan(graph), Request(files=files))
 
 
