@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+import re
 
 import numpy as np
 import pytest
@@ -38,8 +39,15 @@ def foggy(image=COLOURS, depth=1.0, k=0.6, sigma=0.35, light=0.25, saturation=0.
 
 
 class TestMedium:
-    def test_table_1_has_nine_media(self):
-        assert len(PRESETS) == 9
+    def test_the_nine_media_are_those_of_table_1_in_the_paper(self, shared_data):
+        paper = (shared_data.parent / "papers" / "002_1fe63db4d00330e0.txt").read_text(encoding="utf-8")
+        rows = re.findall(r"^(House|Forest|Statue) \((left|center|right)\)\t(.*)$", paper, flags=re.MULTILINE)
+        table = {
+            f"{picture.lower()}-{place.replace('center', 'centre')}": tuple(map(float, values.split()))
+            for picture, place, values in rows
+        }
+        assert len(table) == 9
+        assert table == PRESETS
 
     # Some rows of the table as the paper prints it, from the left to the right picture.
     @pytest.mark.parametrize(
