@@ -136,6 +136,21 @@ def test_only_the_blur_that_is_asked_for_is_computed(photograph):
     assert not {"forward", "light", "scattered"} & {report.name for report in result.reports}
 
 
+def test_measured_depth_takes_the_place_of_layers():
+    scene = open_scene("sample:motorcycle").load("linear", ["image", "range_map"]).values
+    image, range_map = scene["image"][::2, ::2], scene["range_map"][::2, ::2]
+    result = fogpipe.load("lopez2008-measured").run(to=["foggy", "depth"], image=image, range_map=range_map)
+    depth, foggy = result["depth"], result["foggy"]
+    measured = np.isfinite(range_map)
+    metres = range_map[measured]
+    assert depth[measured] == pytest.approx((metres - metres.min()) / np.ptp(metres), abs=1e-6)
+    steps = [np.abs(np.diff(picture.max(axis=2), axis=1)) for picture in (image, foggy)]
+    near, far = (depth < 0.3)[:, 1:], (depth > 0.9)[:, 1:]
+    left = [steps[1][region].mean() / steps[0][region].mean() for region in (near, far)]
+    # From Z = 0.3 to 0.9, e^(−kZ) falls to 0.49, and the blur grows.
+    assert left[1] < 0.49 * left[0]
+
+
 @pytest.fixture(scope="module")
 def render(shared_data) -> dict[str, np.ndarray]:
     """An EXR of a ball with pure colours before nothing, and its Z."""
@@ -145,7 +160,8 @@ def render(shared_data) -> dict[str, np.ndarray]:
 
 
 def foggy_render(render, **changed) -> np.ndarray:
-    settings = {"range.beyond": 8, "range.margin": 0, "medium.preset": "forest-left", **changed}
+    """The ball is at Z = 0.1, and the empty space behind it at 1."""
+    settings = {"depth.near": 0, "range.beyond": 8, "medium.preset": "forest-left", **changed}
     return fogpipe.load("lopez2008-measured", set=settings).run(to=["foggy"], **render)["foggy"]
 
 
