@@ -50,6 +50,14 @@ def layers() -> None:
     write_image(FOLDER / "layers.jpg", cv2.resize(np.vstack(rows), None, fx=0.9, fy=0.9, interpolation=cv2.INTER_AREA))
 
 
+def measured_depth() -> None:
+    """A photograph with measured depth, and the fog of Lopez-Moreno 2008 on it: forest-left."""
+    values = open_scene("sample:motorcycle").load("linear", ["image", "range_map"]).values
+    pipeline = fogpipe.load("lopez2008-measured", set={"medium.preset": "forest-left"})
+    both = np.hstack([values["image"], pipeline.run(to=["foggy"], **values)["foggy"]])
+    write_image(FOLDER / "measured-depth.jpg", cv2.resize(both, (1200, 420), interpolation=cv2.INTER_AREA))
+
+
 def coefficients(pairs: tuple[tuple[float, float], ...] = ((0.2, 0.2), (0.44, 0.5), (0.75, 0.9))) -> None:
     """Lopez-Moreno 2008, Figure 6: ever more scattering σ and extinction k, from left to right."""
     image = _photograph("rocket")
@@ -220,6 +228,7 @@ def dehazing() -> None:
 if __name__ == "__main__":
     outdoor()
     layers()
+    measured_depth()
     coefficients()
     octaves()
     drifting()

@@ -27,6 +27,7 @@ def command(
     plugins: o.Plugins = None,
     image_format: Annotated[str, typer.Option(help="png, png16, jpg, webp, tif, exr, hdr or npy.")] = "png",
     map_format: Annotated[str, typer.Option(help="npy, exr, tif or png (16 bit, for values in 0…1).")] = "npy",
+    opaque: Annotated[bool, typer.Option("--opaque", help="Leave away the opacity of the input picture.")] = False,
     sheet: Annotated[bool, typer.Option(help="Write the proof sheet, a picture of every value.")] = True,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads to use; the result is the same.")] = None,
     as_json: o.AsJson = False,
@@ -44,7 +45,7 @@ def command(
     loaded = o.load_pipeline(pipeline, settings, plugins, seed, tolerance)
     request = o.make_request(scene, inputs, depth, camera)
     folders = tuple(str(folder.resolve()) for folder in o.plugin_folders(plugins))
-    chosen = Options(tuple(to) if to else None, image_format, map_format, folders, sheet)
+    chosen = Options(tuple(to) if to else None, image_format, map_format, folders, sheet, opaque)
     store = Cache(cache, int(cache_limit * 2**30)) if cache else None
     with Progress(len(loaded.plan(to).nodes)) as progress:
         record = run_job(loaded, request, chosen, out, workers=threads, cache=store, observer=progress)

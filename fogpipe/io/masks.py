@@ -1,4 +1,5 @@
-"""Regions that a person has painted: a file each, the labels of one picture, or the pages of a layered TIFF."""
+"""Regions that a person has painted: a file each, the labels of one picture, the pages of a layered TIFF or the
+channels of an OpenEXR file."""
 
 from __future__ import annotations
 
@@ -9,8 +10,9 @@ import numpy as np
 from fogpipe.errors import InputError
 from fogpipe.io.files import read_bytes, split_part
 from fogpipe.io.images import MAX_PIXELS, decode_raster
-from fogpipe.io.readers import read_exr_map, refuse_huge
+from fogpipe.io.readers import Raster, refuse_huge
 
+_EXR = b"\x76\x2f\x31\x01"
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PAGE_NAME = 285
 _LABELS = ("1", "L", "P", "I", "I;16")
@@ -24,6 +26,7 @@ def read_mask(text: str, *, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     text : ``tree.png``: where the picture is opaque if parts of it are transparent, else where it is brighter than
         half. ``labels.png#3``: where the grey level or the index of the palette is 3. ``layers.tif#2`` or
         ``layers.tif#tree``: the same as for a file, of the second page or the page of that name.
+        ``render.exr#tree.mask``: where that channel is above half; without a name, its alpha.
     max_pixels : refuse a picture whose header states more pixels than that, before it is decoded.
 
     Returns
@@ -33,12 +36,14 @@ def read_mask(text: str, *, max_pixels: int = MAX_PIXELS) -> np.ndarray:
     Raises
     ------
     InputError
-        If the file is missing, damaged or too large, or has no such page or label.
+        If the file is missing, damaged or too large, or has no such page, label or channel.
     """
     path, part = split_part(text)
     data = read_bytes(path)
     if not part:
-        return _painted(decode_raster(data, name=path, max_pixels=max_pixels, exr=read_exr_map).samples, path)
+        return _painted(decode_raster(data, name=path, max_pixels=max_pixels, exr=_exr).samples, path)
+    if data.startswith(_EXR):
+        return _painted(decode_raster(data, name=text, layer=part, max_pixels=max_pixels, exr=_exr).samples, text)
     try:
         if data[:4] in _TIFF:
             return _painted(_page(data, part, max_pixels), text)
@@ -61,6 +66,17 @@ def _painted(samples: np.ndarray, name: str) -> np.ndarray:
         if opacity.min() < full:
             return opacity > full / 2
     return channels.mean(axis=2) > full / 2
+
+
+def _exr(data: bytes, part: str | None, max_pixels: int) -> Raster:
+    from fogpipe.io.exr import listed, map_channel, read_channels
+
+    channels, note = read_channels(data, max_pixels=max_pixels)
+    if part and part not in channels:
+        raise InputError(f"has no channel {part}. It has {listed(channels)}.")
+    see_through = "A" in channels and channels["A"].min() < 1
+    region = channels[part] if part else channels["A"] if see_through else map_channel(channels, ("Y",))
+    return Raster(region.astype(np.float32), "working", note)
 
 
 def _page(data: bytes, part: str, max_pixels: int) -> np.ndarray:

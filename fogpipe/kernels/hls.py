@@ -70,12 +70,21 @@ def brighten_highlights_less(image: FloatArray, threshold: float, compression: f
 
 
 def lift_and_grey(
-    image: FloatArray, shadow: float, lift: float, abrupt: bool, saturation: float, share: float, hue: FloatArray
+    image: FloatArray,
+    depth: FloatArray,
+    shadow: float,
+    lift: float,
+    abrupt: bool,
+    extinction: float,
+    scattering: float,
+    hue: FloatArray,
 ) -> FloatArray:
-    """Lift what is darker than ``shadow``, scale the saturation, and blend a share of the hue with another."""
+    """Lift what is darker than ``shadow``, take saturation away and blend the hue with another, by shares that grow
+    with the depth and are at most 1: ``lift``, ``extinction`` and ``scattering`` times it."""
     result = np.empty_like(image)
     rows, columns = image.shape[:2]
-    in_bands(_lift_and_grey, rows, columns, image, shadow, lift, abrupt, saturation, share, hue, result)
+    medium = lift, abrupt, extinction, scattering, hue
+    in_bands(_lift_and_grey, rows, columns, image, depth, shadow, *medium, result)
     return result
 
 
@@ -111,15 +120,17 @@ def _compress(first, last, image, threshold, compression, result):
 
 
 @njit(nogil=True, cache=True)
-def _lift_and_grey(first, last, image, shadow, lift, abrupt, saturation, share, hue, result):
+def _lift_and_grey(first, last, image, depth, shadow, lift, abrupt, extinction, scattering, hue, result):
     for y in range(first, last):
         for x in range(image.shape[1]):
+            far = depth[y, x]
+            saturation, share = max(0.0, 1 - extinction * far), min(1.0, scattering * far)
             r, g, b = image[y, x]
             largest, smallest = max(r, g, b), min(r, g, b)
             before = (largest + smallest) / 2
             after = before
             if before < shadow:
-                after += lift * (shadow if abrupt else shadow - before)
+                after += lift * far * (shadow if abrupt else shadow - before)
             scale = saturation * after / before if before > 0 else 0.0
             of_hue = scale * share * (largest - smallest)
             own = scale * (1 - share)

@@ -65,7 +65,7 @@ def field(
 
     Notes
     -----
-    About 0.5 ns per pixel and octave on two cores. One array.
+    About 1 ns per pixel and octave on two cores. One array.
     """
     total = np.zeros((height, width), np.float32)
     for octave, weight in enumerate(octave_weights(octaves, persistence)):
@@ -157,14 +157,19 @@ def _add_octave(first, last, rows, columns, starts, high, wide, key, strength, i
     runs = starts.size - 1
     across = np.empty((runs, 4), np.float32)  # for each corner of a run: random part along x,
     along = np.empty((runs, 4), np.float32)  # and along y, or the value
-    row_of_corners = row_cell[first] - 1
+    row_of_corners = row_cell[first] - 2  # no row of cells, nor the one before the first
     for y in range(first, last):
         if row_cell[y] != row_of_corners:
+            follows = row_cell[y] == row_of_corners + 1
             row_of_corners = row_cell[y]
             for run in range(runs):
                 cell = column_cell[starts[run]]
                 shared = run > 0 and cell == column_cell[starts[run - 1]] + 1
                 for corner in range(4):
+                    if follows and corner < 2:  # also a lower corner of the cell above
+                        across[run, corner] = across[run, corner + 2]
+                        along[run, corner] = along[run, corner + 2]
+                        continue
                     if shared and corner % 2 == 0:  # also the right corner of the cell before
                         across[run, corner] = across[run - 1, corner + 1]
                         along[run, corner] = along[run - 1, corner + 1]

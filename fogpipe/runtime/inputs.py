@@ -175,11 +175,16 @@ def checked(
             if other != size:
                 raise InputError(
                     f"{where[name]} has shape {array.shape} and {where[owner]} has {values[owner].shape}; all inputs"
-                    f" of a run must have the same height and width. Resize the picture, not the depth: interpolated"
-                    f" depth is false at edges."
+                    f" of a run must have the same height and width.{_size_advice(kind, plan.graph.inputs[owner])}"
                 )
         checked_values[name] = array
     return checked_values
+
+
+def _size_advice(*kinds: Kind) -> str:
+    if any(kind.name in DISTANCES for kind in kinds):
+        return " Resize the picture, not the depth: interpolated depth is false at edges."
+    return " Export them at one size."
 
 
 def _advice(kind: Kind, array: np.ndarray) -> str:

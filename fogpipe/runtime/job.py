@@ -130,7 +130,7 @@ def _write_outputs(
             graph.kind(refs[name]),
             array,
             color=graph.color,
-            alpha=inputs.alpha,
+            alpha=None if options.opaque else inputs.alpha,
             image_format=options.image_format,
             map_format=options.map_format,
         )

@@ -39,6 +39,7 @@ class Options:
     map_format: str = "npy"
     plugins: tuple[str, ...] = ()
     sheet: bool = True
+    opaque: bool = False
 
 
 def check_formats(plan: Plan, options: Options) -> None:
@@ -59,10 +60,10 @@ def check_formats(plan: Plan, options: Options) -> None:
 
 def check_opacity(inputs: Inputs, options: Options) -> None:
     """Refuse a format without opacity for a picture that has one, before anything is computed."""
-    if inputs.alpha is not None and options.image_format in WITHOUT_OPACITY:
+    if inputs.alpha is not None and options.image_format in WITHOUT_OPACITY and not options.opaque:
         raise RequestError(
             f"--image-format {options.image_format} has no room for the opacity of the input picture; "
-            f"choose png, webp, tif or exr, or remove its alpha channel."
+            f"choose png, webp, tif or exr, or leave it away with --opaque."
         )
 
 

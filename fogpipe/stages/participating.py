@@ -153,7 +153,7 @@ def highlights(
     """
     from fogpipe.kernels import hls
 
-    image = _light(image)
+    (image,) = _light_and_maps(image)
     threshold = hls.highlight_threshold(hls.lightness(image), brighter_than)
     return hls.brighten_highlights_less(image, threshold, compression) if threshold < np.inf else image.copy()
 
@@ -163,24 +163,28 @@ def relight(
     image: Image,
     extinction: Number,
     scattering: Number,
+    depth: RelativeDepth | None = None,
     *,
     shadow_lift: Share = 0.5,
     airlight_hue: Annotated[float, Unit("°")] = 220.0,
     shadows: Literal["smooth", "published"] = "smooth",
+    reach: Literal["with-depth", "everywhere"] = "with-depth",
 ) -> Image:
     r"""Light the scene as inside the medium: shadows lifted, colours greyed and drawn to the hue of the airlight.
 
-    .. math:: S' = S\,(1 - k), \quad H' = H\,(1 - \sigma) + H_A\,\sigma, \quad
-              L' = L + S_R\,(T - L) \text{ where } L < T = \frac{L_\mathrm{max} - L_\mathrm{min}}{5}
+    .. math:: S' = S\,(1 - kZ), \quad H' = H\,(1 - \sigma Z) + H_A\,\sigma Z, \quad
+              L' = L + S_R Z\,(T - L) \text{ where } L < T = \frac{L_\mathrm{max} - L_\mathrm{min}}{5}
 
     Parameters
     ----------
     image : (H, W, 3) float, linear light, without highlights (:func:`highlights`). Negative light counts as 0.
     extinction, scattering : k and σ, numbers.
+    depth : (H, W) float, optional. Z, 0 near to 1 far; 1 everywhere where it is not given.
     shadow_lift : S_R.
     airlight_hue : H_A = InScat_H, constant and not given in the paper.
-    shadows : ``"smooth"``, the equation above; ``"published"``: all shadows are lifted by S_R T, so that lightness
+    shadows : ``"smooth"``, the equation above; ``"published"``: all shadows are lifted by S_R Z T, so that lightness
         jumps at T, and what was darker becomes lighter.
+    reach : ``"with-depth"``: near things keep their colours; ``"everywhere"``, as printed: Z counts as 1.
 
     Returns
     -------
@@ -189,15 +193,16 @@ def relight(
     Raises
     ------
     ValueError
-        If the image is not finite somewhere, or k or σ is not a number of 0 or more.
+        If the image is not finite somewhere, the depth unknown (NaN), k or σ is not a number of 0 or more, or the
+        sizes differ.
 
     Notes
     -----
     Hues are blended as vectors, of the length of the saturation: continuous everywhere, and complementary colours meet
-    in grey. From k = 1 on nothing is left of the saturation, from σ = 1 on nothing of the hue.
+    in grey. From kZ = 1 on nothing is left of the saturation, from σZ = 1 on nothing of the hue.
 
-    Deviates from the paper: the extremes are the quantiles 0.1 % and 99.9 %, so that no single pixel decides what is a
-    shadow.
+    Deviates from the paper, whose Algorithm 1 lists Z among its data and does not use it: at k = 1 the nearest thing is
+    grey, too. The extremes are the quantiles 0.1 % and 99.9 %, so that no single pixel decides what is a shadow.
 
     References
     ----------
@@ -205,13 +210,14 @@ def relight(
     """
     from fogpipe.kernels import hls
 
-    image = _light(image)
     k, sigma = _coefficients(extinction=extinction, scattering=scattering)
+    if depth is None or reach == "everywhere":
+        depth = np.ones(image.shape[:2], np.float32)
+    image, depth = _light_and_maps(image, depth=depth)
     least, most = np.quantile(hls.lightness(image), (0.001, 0.999))
     shadow = float(most - least) / 5
-    abrupt = shadows == "published"
     return hls.lift_and_grey(
-        image, shadow, shadow_lift, abrupt, max(0.0, 1 - k), min(1.0, sigma), hls.pure_hue(airlight_hue)
+        image, depth, shadow, shadow_lift, shadows == "published", k, sigma, hls.pure_hue(airlight_hue)
     )
 
 
@@ -264,28 +270,25 @@ def fog(
     """
     from fogpipe.kernels import hls
 
-    image = _light(image)
     maps = {"depth": depth} if density is None else {"depth": depth, "density": density}
-    require_maps(image=(image, 3), **{name: (array, 1) for name, array in maps.items()})
-    require_finite(**maps)
-    require_nonnegative(**maps)
+    image, matter, *rest = _light_and_maps(image, **maps)
     k, sigma, lightness, saturation = _coefficients(
         extinction=extinction,
         scattering=scattering,
         airlight_lightness=airlight_lightness,
         airlight_saturation=airlight_saturation,
     )
-    _, matter, *rest = floats(image, *maps.values())
     if rest:
         matter = matter * rest[0]
     airlight = lightness * (1 + min(1.0, saturation) * (2 * hls.pure_hue(airlight_hue) - 1))
     return hls.attenuate_and_add(image, k * matter, sigma * matter, airlight)
 
 
-def _light(image: Image) -> FloatArray:
-    require_maps(image=(image, 3))
-    require_finite(image=image)
-    return floats(np.maximum(image, 0))[0]
+def _light_and_maps(image: Image, **maps: np.ndarray) -> tuple[FloatArray, ...]:
+    require_maps(image=(image, 3), **{name: (array, 1) for name, array in maps.items()})
+    require_finite(image=image, **maps)
+    require_nonnegative(**maps)
+    return floats(np.maximum(image, 0), *maps.values())
 
 
 def _coefficients(**numbers: Number) -> list[float]:

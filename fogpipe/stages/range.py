@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le
 
 from fogpipe.kernels import regions
 from fogpipe.kernels.arrays import floats, require_maps
-from fogpipe.ports import Camera, Depth, Image, Length, Mask, Range, Unit
+from fogpipe.ports import Camera, Depth, Image, Length, Mask, Range, RelativeDepth, Unit
 from fogpipe.stage import stage
 
 
@@ -55,6 +55,44 @@ def farthest(range_map: Range, *, percentile: Annotated[float, Gt(0), Le(100)] =
         return np.array(largest, np.float64)
     measured = range_map[np.isfinite(range_map)]
     return np.array(np.percentile(measured, percentile) if measured.size else np.nan, np.float64)
+
+
+@stage("range.to_relative")
+def to_relative(
+    range_map: Range,
+    *,
+    near: Annotated[float, Ge(0), Unit("m")] | None = None,
+    far: Annotated[float, Gt(0), Unit("m")] | None = None,
+) -> RelativeDepth:
+    r"""Relative depth from a range, :math:`Z = (R - R_0) / (R_1 - R_0)`, for methods that count depth from 0 to 1.
+
+    Parameters
+    ----------
+    range_map : (H, W) float, R, metres. NaN where unknown, +inf for sky.
+    near : R₀, the range at and before which Z is 0; by default the least measured.
+    far : R₁, the range at and beyond which Z is 1; by default the largest measured. Sky has Z = 1.
+
+    Returns
+    -------
+    (H, W) float32, or float64 for float64 range, 0 near to 1 far. Unknown stays NaN. What has one range is near.
+
+    Raises
+    ------
+    ValueError
+        If R₁ is before R₀.
+    """
+    require_maps(range_map=(range_map, 1))
+    (range_map,) = floats(range_map)
+    measured = range_map[np.isfinite(range_map)]
+    first = near if near is not None else float(measured.min(initial=np.inf))
+    last = far if far is not None else float(measured.max(initial=first))
+    if last < first < np.inf:
+        raise ValueError(f"far ({last:g} m) must be beyond near ({first:g} m).")
+    relative = np.full_like(range_map, np.nan)
+    relative[np.isposinf(range_map)] = 1
+    span = max(last - first, np.finfo(range_map.dtype).tiny)
+    relative[np.isfinite(range_map)] = np.clip((measured - first) / span, 0, 1)
+    return relative
 
 
 def _is_dense(range_map: Range) -> str | None:

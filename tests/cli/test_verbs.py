@@ -9,6 +9,7 @@ from textwrap import dedent
 import numpy as np
 import pytest
 
+from fogpipe.io.images import read_image
 from tests.conftest import TOY_STAGES
 
 TOY = """\
@@ -252,6 +253,15 @@ def test_a_format_without_opacity_is_refused_before_anything_runs(fogpipe_cli, t
     assert ended.code == 2
     assert "no room for the opacity" in ended.err
     assert not (tmp_path / "out").exists()
+
+
+def test_opaque_leaves_the_opacity_of_the_input_away_and_a_replay_does_so_too(fogpipe_cli, toy_files, tmp_path: Path):
+    np.save(tmp_path / "image.npy", np.full((4, 5, 4), 0.5, np.float32))
+    for options in ([], ["--opaque"]):
+        assert fogpipe_cli("run", *toy_files, "-o", tmp_path / "out", *options).code == 0
+        assert (read_image(tmp_path / "out" / "foggy.png").alpha is None) == bool(options)
+        assert fogpipe_cli("replay", tmp_path / "out" / "run.json", "-o", tmp_path / "again").code == 0
+    assert fogpipe_cli("run", *toy_files, "-o", tmp_path / "out", "--image-format", "jpg", "--opaque").code == 0
 
 
 def test_an_output_cannot_be_named_like_the_proof_sheet(fogpipe_cli, toy_files, tmp_path: Path):

@@ -47,10 +47,10 @@ def test_media_without_structure_are_smooth(changed):
 
 @pytest.mark.parametrize("pipeline", ["lopez2008", "layers-fog"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_what_is_not_finite_is_refused(pipeline, value):
+def test_what_is_not_finite_is_refused_with_the_place(pipeline, value):
     image = np.full((40, 60, 3), 0.5, np.float32)
     image[3, 5] = value
-    with pytest.raises(FogpipeError, match=r"NaN|inf"):
+    with pytest.raises(FogpipeError, match=r"3 (NaN|inf\w*) of 7200 values, the first at row 3, column 5"):
         fogpipe.load(pipeline).run(image=image)
 
 

@@ -8,6 +8,7 @@ import tifffile
 from PIL import Image
 
 from fogpipe.errors import InputError
+from fogpipe.io.exr import write_channels
 from fogpipe.io.masks import read_mask
 from fogpipe.pipeline.plan import make_plan
 from fogpipe.runtime.inputs import Request, inputs_from_request
@@ -71,6 +72,31 @@ def test_pages_of_a_tiff_are_masks_by_name(layered):
     np.testing.assert_array_equal(read_mask(f"{layered}#hill"), HILL)
 
 
+@pytest.fixture
+def rendered(tmp_path):
+    """An EXR as renderers write it: a tree by its alpha, a mask of its own for the hill, and depth."""
+    path = tmp_path / "render.exr"
+    grey = np.full((5, 7), 0.2, np.float16)
+    layers = {"A": TREE.astype(np.float16), "hill.mask": HILL.astype(np.float32), "Z": 9 + grey}
+    path.write_bytes(write_channels({"R": grey, "G": grey, "B": grey, **layers}))
+    return path
+
+
+def test_what_an_exr_shows_is_a_mask_and_so_are_its_channels_by_name(rendered):
+    np.testing.assert_array_equal(read_mask(str(rendered)), TREE)
+    np.testing.assert_array_equal(read_mask(f"{rendered}#A"), TREE)
+    np.testing.assert_array_equal(read_mask(f"{rendered}#hill.mask"), HILL)
+    with pytest.raises(InputError, match=r"render.exr#tree: has no channel tree. It has A, B, G, R, Z, hill.mask"):
+        read_mask(f"{rendered}#tree")
+
+
+def test_an_exr_that_is_opaque_is_no_mask(tmp_path):
+    grey = np.full((5, 7), 0.2, np.float16)
+    (tmp_path / "opaque.exr").write_bytes(write_channels({"R": grey, "G": grey, "B": grey, "A": np.ones_like(grey)}))
+    with pytest.raises(InputError, match=r"opaque.exr: has no channel Y. It has A, B, G, R"):
+        read_mask(f"{tmp_path}/opaque.exr")
+
+
 def test_what_is_not_there_is_told_with_what_is(tmp_path, layered):
     Image.fromarray(HILL.astype(np.uint8)).save(tmp_path / "labels.png")
     with pytest.raises(InputError, match=r"labels.png#7: it has no label 7. It has 0, 1\."):
@@ -105,7 +131,7 @@ def test_a_mask_of_another_size_is_refused_at_the_door(tmp_path, build):
         outputs: {depth: depth}
     """)
     files = {"image": str(tmp_path / "image.png"), "tree": str(tmp_path / "tree.png")}
-    with pytest.raises(InputError, match=r"tree.*has shape \(5, 7\).*\(6, 7, 3\)"):
+    with pytest.raises(InputError, match=r"tree.*has shape \(5, 7\).*\(6, 7, 3\).* Export them at one size"):
         inputs_from_request(make_plan(graph), Request(files=files))
 
 

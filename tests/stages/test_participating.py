@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+import re
 
 import numpy as np
 import pytest
@@ -38,8 +39,15 @@ def foggy(image=COLOURS, depth=1.0, k=0.6, sigma=0.35, light=0.25, saturation=0.
 
 
 class TestMedium:
-    def test_table_1_has_nine_media(self):
-        assert len(PRESETS) == 9
+    def test_the_nine_media_are_those_of_table_1_in_the_paper(self, shared_data):
+        paper = (shared_data.parent / "papers" / "002_1fe63db4d00330e0.txt").read_text(encoding="utf-8")
+        rows = re.findall(r"^(House|Forest|Statue) \((left|center|right)\)\t(.*)$", paper, flags=re.MULTILINE)
+        table = {
+            f"{picture.lower()}-{place.replace('center', 'centre')}": tuple(map(float, values.split()))
+            for picture, place, values in rows
+        }
+        assert len(table) == 9
+        assert table == PRESETS
 
     # Some rows of the table as the paper prints it, from the left to the right picture.
     @pytest.mark.parametrize(
@@ -120,6 +128,21 @@ class TestRelight:
 
     def test_no_medium_and_no_lift_change_nothing(self):
         assert relight(COLOURS, number(0), number(0), shadow_lift=0) == pytest.approx(COLOURS, abs=1e-6)
+
+    def test_a_thing_at_no_distance_stays_as_it_is_in_any_medium(self):
+        near = relight(COLOURS, number(1.2), number(0.8), np.zeros((30, 40), np.float32))
+        assert near == pytest.approx(COLOURS, abs=1e-6)
+
+    def test_with_depth_each_change_grows_in_proportion(self):
+        halfway = np.full((30, 40), 0.5, np.float32)
+        found = relight(COLOURS, number(1.2), number(0.8), halfway, shadow_lift=0.5)
+        # Half of each share, all over the picture: single precision.
+        assert found == pytest.approx(relight(COLOURS, number(0.6), number(0.4), shadow_lift=0.25), abs=1e-6)
+
+    def test_as_published_depth_does_not_matter(self):
+        depth = np.linspace(0, 1, 1200, dtype=np.float32).reshape(30, 40)
+        everywhere = relight(COLOURS, number(1.2), number(0.8), depth, reach="everywhere")
+        assert np.array_equal(everywhere, relight(COLOURS, number(1.2), number(0.8)))
 
     def test_hue_goes_over_to_that_of_the_airlight(self):
         towards = relight(COLOURS, number(0), number(1), shadow_lift=0, airlight_hue=NIGHT)
@@ -217,8 +240,14 @@ class TestBadInput:
                 call()
 
     def test_unknown_depth_is_refused_with_the_place(self):
-        with pytest.raises(ValueError, match=r"depth is .* at 1200 of .* at index \(0, 0"):
-            foggy(depth=np.nan)
+        unknown = np.full((30, 40), np.nan, np.float32)
+        for call in (lambda: foggy(depth=np.nan), lambda: relight(COLOURS, number(1), number(1), unknown)):
+            with pytest.raises(ValueError, match=r"depth is .* at 1200 of .* at index \(0, 0"):
+                call()
+
+    def test_depth_of_another_size_is_refused(self):
+        with pytest.raises(ValueError, match="depth has 39 × 30 pixels but image has 40 × 30"):
+            relight(COLOURS, number(1), number(1), np.ones((30, 39), np.float32))
 
     @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
     def test_what_is_no_coefficient_is_refused(self, value):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fogpipe.kernels import regions
-from fogpipe.stages.range import farthest, fill_holes, from_depth
+from fogpipe.stages.range import farthest, fill_holes, from_depth, to_relative
 from fogpipe.stages.sky import identify
 
 
@@ -34,6 +34,30 @@ def test_stray_returns_can_be_left_out():
     assert farthest(range_map, percentile=90) == 90
     range_map[0, :50] = np.nan  # 51 left, 50 to 100
     assert farthest(range_map, percentile=90) == 95
+
+
+class TestToRelative:
+    METRES = np.array([[1.0, 2.0, 6.0, 10.0, np.inf, np.nan]], np.float32)
+
+    def test_near_and_far_are_0_and_1_and_what_is_beyond_them_too(self):
+        assert to_relative(self.METRES, near=2, far=6)[0, :5].tolist() == [0, 0, 1, 1, 1]
+        assert to_relative(self.METRES, near=1, far=11)[0, :4] == pytest.approx([0, 0.1, 0.5, 0.9], abs=1e-6)
+
+    def test_by_default_what_is_measured_spans_0_to_1_and_sky_is_1_and_the_unknown_stays(self):
+        found = to_relative(self.METRES)[0]
+        assert found[:5] == pytest.approx([0, 1 / 9, 5 / 9, 1, 1], abs=1e-6)
+        assert np.isnan(found[5])
+        assert to_relative(self.METRES, near=0)[0, :4] == pytest.approx([0.1, 0.2, 0.6, 1], abs=1e-6)
+
+    def test_a_scene_of_one_range_is_near(self):
+        assert to_relative(np.array([[3.0, 3.0, np.inf]])).tolist() == [[0, 0, 1]]
+
+    def test_where_nothing_is_measured_the_sky_is_far(self):
+        assert to_relative(np.array([[np.inf, np.nan]]))[0, 0] == 1
+
+    def test_a_far_end_that_is_not_beyond_the_near_one_is_refused(self):
+        with pytest.raises(ValueError, match=r"far \(10 m\) must be beyond near \(12 m\)"):
+            to_relative(self.METRES, near=12, far=10)
 
 
 def wall_and_floor() -> tuple[np.ndarray, np.ndarray]:
