@@ -3,13 +3,13 @@
 A *subject* is a function that yields :class:`~fogpipe.bench.table.Row`, one for each way of doing a thing:
 how long it takes as a ratio to a named yardstick, and how far it is from a named reference.
 Add one by writing its module and naming it in :data:`SUBJECTS`. A subject that has pictures to show beside its table
-has a function ``draw(folder, quick)``, too.
+has a function ``draw(folder, quick, rows)``, too.
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,6 +36,6 @@ def subject(name: str) -> Callable[[bool], Iterator[Row]]:
     return importlib.import_module(SUBJECTS[name]).measure
 
 
-def pictures(name: str) -> Callable[[Path, bool], None] | None:
+def pictures(name: str) -> Callable[[Path, bool, Sequence[Row]], None] | None:
     """The function that writes the pictures of a subject into a folder, if it has any."""
     return getattr(importlib.import_module(SUBJECTS[name]), "draw", None)

@@ -1,4 +1,4 @@
-"""Blur of a varying width: time against error for every solver, and the paper's Figures 6 and 7.
+"""Blur of a varying width: time against error for every solver, and the paper's Figures 6 and 7 as curves.
 
 The yardstick is one ordinary Gaussian blur of the largest width, by OpenCV, of the same float32 RGBA frame. The
 reference is the equation in float64 (solver ``reference``), and in the figures the exact Gaussian.
@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import math
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+from fogpipe.bench.chart import curves
 from fogpipe.bench.table import Row
 from fogpipe.bench.timing import alternating
+from fogpipe.io.atomic import atomic_write
 from fogpipe.io.scenes import open_scene
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.diffusion import SOLVERS, reference
@@ -22,6 +25,7 @@ from fogpipe.kernels.diffusion import SOLVERS, reference
 FINEST = 1.0
 TOLERANCES = (1e-2, 4e-3, 2e-3, 1e-3, 3e-4)
 OTHERS = ("invariant", "invariant-corrected", "fed", "adi", "mipmap")
+FIGURES = "figures 6 and 7, σ"
 YARDSTICK = "cv2.GaussianBlur of the largest width"
 
 
@@ -38,9 +42,30 @@ def measure(quick: bool) -> Iterator[Row]:
             yield from against_reference(f"{name} {width}×{height}, σmax {largest:g}", layer, scale, count)
     layer, ratio = premultiplied("motorcycle", height, width)
     yield from sizes(layer, ratio, 3, (0.25, 1) if quick else (1, 4, 16))
+    yield from widths(layer, ratio, repeats)
     yield from sharp_parts(layer, repeats)
     yield from number_formats(layer[:280, :400])
     yield from figures(layer, (2.0, 8.0, 25.0) if quick else (2.0, 5.0, 10.0, 15.0, 20.0, 25.0), 3)
+
+
+def draw(folder: Path, quick: bool, rows: Sequence[Row]) -> None:
+    """Figures 6 and 7 of the paper: error and time over the width of the blur, for each scheme."""
+    own = [row for row in rows if row.case.startswith(FIGURES)]
+    sigmas = list(dict.fromkeys(float(row.case.rpartition(" ")[2]) for row in own))
+
+    def line(way: str, value: Callable[[Row], float | None]) -> list[float]:
+        found = {row.case: value(row) for row in own if row.way == way}
+        return [found.get(f"{FIGURES} {sigma:g}") or math.nan for sigma in sigmas]
+
+    ways = list(dict.fromkeys(row.way for row in own))
+    for name, title, up, value in (
+        ("6", "Figure 6: error against the exact Gaussian", "RMS error", lambda row: row.error),
+        ("7", "Figure 7: time", "milliseconds", lambda row: row.seconds * 1e3),
+    ):
+        lines = {way: line(way, value) for way in ways}
+        text = curves(title, ("standard deviation of the blur, px", sigmas), up, lines)
+        with atomic_write(folder / f"blur-figure-{name}.svg") as temporary:
+            temporary.write_text(text, encoding="utf-8")
 
 
 def premultiplied(name: str, height: int, width: int) -> tuple[FloatArray, FloatArray]:
@@ -81,6 +106,17 @@ def sizes(layer: FloatArray, ratio: FloatArray, repeats: int, megapixels: tuple[
         scale = FINEST + cv2.resize(ratio, more.shape[1::-1], interpolation=cv2.INTER_NEAREST) ** 1.5 * 24
         ways = {"auto 0.002": partial(SOLVERS["auto"], more, scale, FINEST, 0.25, 2e-3)}
         yield from compared(f"{millions:g} MP, σmax 25", ways, more, 25.0, None, repeats)
+
+
+def widths(layer: FloatArray, ratio: FloatArray, repeats: int) -> Iterator[Row]:
+    """The same picture blurred more and more, all as a ratio to one Gaussian of 25 px."""
+    ways = {
+        f"auto 0.002, σmax {largest:g}": partial(
+            SOLVERS["auto"], layer, (FINEST + ratio**1.5 * (largest - FINEST)).astype(np.float32), FINEST, 0.25, 2e-3
+        )
+        for largest in (6.0, 12.0, 25.0, 50.0)
+    }
+    yield from compared("growth with σmax", ways, layer, 25.0, None, repeats)
 
 
 def sharp_parts(layer: FloatArray, repeats: int) -> Iterator[Row]:
@@ -129,7 +165,7 @@ def figures(layer: FloatArray, sigmas: tuple[float, ...], repeats: int) -> Itera
         names = ["invariant", "invariant-corrected", *(["euler"] if sigma <= 10 else [])]
         ways = {name: partial(SOLVERS[name], layer, scale, FINEST, 0.25, 1.0) for name in names}
         ways["auto 0.002"] = partial(SOLVERS["auto"], layer, scale, FINEST, 0.25, 2e-3)
-        yield from compared(f"figures 6 and 7, σ {sigma:g}", ways, layer, sigma, exact, min(repeats, 3))
+        yield from compared(f"{FIGURES} {sigma:g}", ways, layer, sigma, exact, min(repeats, 3))
 
 
 def compared(
@@ -150,7 +186,7 @@ def compared(
             difference = call() - exact
             error, largest_error = rms(difference), float(np.abs(difference).max())
         note = ""
-        if exact is not None and way.startswith("auto"):
+        if exact is not None and way.startswith("auto") and not case.startswith(FIGURES):
             kept = error is not None and error <= float(way.split()[1])
             note = "keeps its promise" if kept else "BREAKS ITS PROMISE"
         scores = {"extra memory, frames": extra(call, layer)}

@@ -65,11 +65,12 @@ def curves(
     title : Above all.
     across : Name of the linear axis, and the ascending places along it that all curves share.
     up : Name of the logarithmic axis.
-    lines : By name, the values of a curve. A name that ends in `` *`` draws it dashed, in the colour of the one before.
+    lines : By name, the values of a curve, NaN where it has none. A name that ends in `` *`` draws it dashed, in the
+        colour of the one before.
     decades : How many are shown below the largest value; what is below is left out.
     """
     name, places = across
-    largest = math.ceil(math.log10(max(max(values) for values in lines.values())))
+    largest = math.ceil(math.log10(max(value for values in lines.values() for value in values if value == value)))
     axis = _Axis([10.0 ** (largest - decades), 10.0**largest])
 
     def place(x: float, value: float) -> tuple[float, float]:

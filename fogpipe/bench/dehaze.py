@@ -167,7 +167,7 @@ def means(rows: Sequence[Row]) -> Iterator[Row]:
         )
 
 
-def draw(folder: Path, quick: bool) -> None:
+def draw(folder: Path, quick: bool, rows: Sequence[Row]) -> None:
     """A sheet for each scene at η 2 and σ 10: truth, hazy input and what every method makes of it, with its scores."""
     from fogpipe.io.sheet import Tile, tile, write_sheet
     from fogpipe.ports import known_kinds

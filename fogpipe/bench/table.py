@@ -59,6 +59,13 @@ def score_names(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row.scores))
 
 
+def as_line(row: Row) -> str:
+    """One row for people, to be told as it comes."""
+    ratio = "" if row.ratio is None else f", ratio {row.ratio:.3g}"
+    error = "" if row.error is None else f", error {row.error:.2g}"
+    return f"{row.case}: {row.way}, {row.seconds * 1e3:.4g} ms{ratio}{error}"
+
+
 def as_text(rows: Sequence[Row]) -> str:
     """The rows as an aligned table for people."""
     names = score_names(rows)

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fogpipe.bench.blur import TOLERANCES, against_reference, number_formats, premultiplied
+from fogpipe.bench.blur import TOLERANCES, against_reference, draw, number_formats, premultiplied
 from fogpipe.bench.chart import pareto_front, time_against_error
 from fogpipe.bench.table import Row
 
@@ -57,6 +57,21 @@ def test_the_picture_shows_each_way_inside_its_frame(rows):
         assert 70 <= float(circle.attrib["cy"]) <= 410
     words = {element.text for element in root if element.tag.endswith("text")}
     assert {"auto", "invariant", "fed", "adi", "RMS error", "street"} <= words
+
+
+def test_the_figures_of_the_paper_are_drawn_from_their_rows(tmp_path):
+    rows = [
+        Row(f"figures 6 and 7, σ {sigma:g}", way, sigma / 1e3, error=1e-3)
+        for sigma in (2.0, 10.0, 25.0)
+        for way in ("invariant", "auto 0.002", *(["euler"] if sigma <= 10 else []))
+    ]
+    draw(tmp_path, True, rows)
+    for name in ("6", "7"):
+        root = ElementTree.fromstring((tmp_path / f"blur-figure-{name}.svg").read_text(encoding="utf-8"))
+        lines = [
+            e.attrib["points"].split() for e in root if e.tag.endswith("polyline") and e.attrib["stroke"] != "#ddd"
+        ]
+        assert sorted(map(len, lines)) == [2, 3, 3]  # Euler has no point at 25
 
 
 def test_nothing_to_draw_is_said():

@@ -33,9 +33,11 @@ def adaptive(layer: FloatArray, scale: FloatArray, finest: float, clip: float, s
     near, calm = _near(levels[0], clip, share)
     after = on_grid(layer, east, south, calm, share, near < 2)
     cells = partition(levels, _by_twos(near > 0, levels[0]), CAP * clip)
+    nothing = np.empty((0, 0), layer.dtype)
+    levels[0] = levels[0]._replace(east=nothing, south=nothing)  # they are large, and have served
+    del east, south
     values = _averaged(layer, levels)
-    held = _collected(values, cells)
-    held = _evened(held, cells, share)
+    held = _evened(_collected(values, cells), cells, share)
     _spread(held, cells, levels, values, after, near, clip)
     return after
 
