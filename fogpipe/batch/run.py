@@ -161,6 +161,7 @@ def run_batch(batch: Batch, watcher: Watcher | None = None) -> Summary:
     with open_journal(place, shard) as journal:
         todo = _what_is_missing(batch, place)
         journal.job(batch.settled())
+        journal.flush()  # a place that cannot be written to is known before anything runs
         job = replace(batch.job, drafts=f"{place.root}/{DRAFTS}/{shard}" if isinstance(place, LocalPlace) else "")
         summary = Summary(todo.items, finished_before=todo.finished, failed=dict(todo.failed))
         watcher.started(todo)
