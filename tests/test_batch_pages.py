@@ -104,10 +104,10 @@ def test_your_own_data_set(here: Path, fogpipe_cli: Callable):
     write_files_of(page)
     shown, moving, table = commands(page)
     assert fogpipe_cli(*shown).code == 0
-    assert (here / "foggy/street/0001.png").is_file()
+    assert (here / "foggy/rgb/street/0001.png").is_file()
     assert (here / "foggy/yolo/street/0001.txt").is_file()
     assert fogpipe_cli(*moving).code == 0
-    first, second = (cv2.imread(str(here / f"moving/street/000{n}.png")).astype(float).mean() for n in (1, 2))
+    first, second = (cv2.imread(str(here / f"moving/rgb/street/000{n}.png")).astype(float).mean() for n in (1, 2))
     assert first != second
     assert fogpipe_cli(*table[:-1], "from-table").code == 0
     assert (here / "from-table/street/2.png").is_file()

@@ -57,7 +57,7 @@ class Job:
     extras: tuple[str, ...] = ()
     numbers: tuple[str, ...] = ()
     record: bool = False
-    layout: Layout = Layout("{id}.png")  # noqa: RUF009 (it is frozen)
+    layout: Layout = Layout("{path}.png")  # noqa: RUF009 (it is frozen)
     image_format: str = "png"
     map_format: str = "npy"
     labels: Labels = "link"

@@ -55,7 +55,7 @@ class Place(ABC):
         """Copy a file that is elsewhere to its place."""
         with self.draft() as draft:
             file = draft / "copy"
-            file.write_bytes(read_bytes(source))
+            file.write_bytes(read_bytes(source, may_be_empty=True))
             self.publish(file, relative)
 
     def link(self, source: str, relative: str) -> None:

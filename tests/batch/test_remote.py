@@ -63,7 +63,7 @@ def test_from_url_to_url_gives_the_same_bytes_and_resumes(
     assert run_batch(batch()).made == 4
     assert run_batch(batch()).made == 0
     assert pixels(downloaded(f"{memory}/out", tmp_path / "there")) == pixels(contents(tmp_path / "here"))
-    fsspec.filesystem("memory").rm("/bucket/out/0001_visibility20.png")
+    fsspec.filesystem("memory").rm("/bucket/out/images/0001_visibility20.png")
     assert run_batch(batch()).made == 1
 
 

@@ -69,7 +69,7 @@ def test_a_dry_run_reckons_and_keeps_nothing(fogpipe_cli, words: list[Any], tmp_
     assert told["estimate"]["seconds"] > 0
     assert not (tmp_path / "out").exists()
     assert fogpipe_cli(*words).code == 0
-    size = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.png"))
+    size = sum(path.stat().st_size for path in (tmp_path / "out/images").glob("*.png"))
     # The pictures are noise, which compresses alike.
     assert told["estimate"]["bytes"] == pytest.approx(size, rel=0.1)
     assert "0 to do" in fogpipe_cli(*words, "--dry-run").err
@@ -98,7 +98,7 @@ def test_what_cannot_be_is_refused_before_anything_runs(
     ended = fogpipe_cli(*words, *more)
     assert ended.code == 2
     assert message in ended.err
-    assert not list(tmp_path.glob("out/*.png"))
+    assert not list(tmp_path.glob("out/images/*.png"))
 
 
 def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
@@ -107,7 +107,7 @@ def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
     program += ["--workers", "1", "--set", "waited.seconds=1.5"]
     process = subprocess.Popen(program, start_new_session=True, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("out/*.png")):
+    while not list(tmp_path.glob("out/images/*.png")):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
@@ -115,7 +115,7 @@ def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
     assert process.returncode == 130
     assert b"interrupted: 1 items under way are finished" in said
     assert b"Traceback" not in said
-    made = len(list(tmp_path.glob("out/*.png")))
+    made = len(list(tmp_path.glob("out/images/*.png")))
     assert 1 <= made < 4
     assert len((tmp_path / "out" / "manifest.csv").read_text().splitlines()) == 1 + made
     assert not (tmp_path / "out" / ".fogpipe" / "drafts").exists()
