@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -67,12 +68,15 @@ def test_a_dry_run_reckons_and_keeps_nothing(fogpipe_cli, words: list[Any], tmp_
     assert told["to_do"] == 4
     assert told["estimate"]["trials"] > 0
     assert told["estimate"]["seconds"] > 0
+    assert told["estimate"]["free"] > 0
     assert not (tmp_path / "out").exists()
     assert fogpipe_cli(*words).code == 0
     size = sum(path.stat().st_size for path in (tmp_path / "out/images").glob("*.png"))
     # The pictures are noise, which compresses alike.
     assert told["estimate"]["bytes"] == pytest.approx(size, rel=0.1)
     assert "0 to do" in fogpipe_cli(*words, "--dry-run").err
+    again = fogpipe_cli(*words, "--dry-run", "-o", tmp_path / "elsewhere").err
+    assert re.search(r"about [\d.]+ s with \d+ workers, and [\d.]+ KiB of [\d.e+]+ .iB that are free", again)
 
 
 @pytest.mark.parametrize(
