@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-import fogpipe
 from fogpipe.batch.job import Job
 from fogpipe.batch.names import filled, known_values
 from fogpipe.batch.places import Place
@@ -22,7 +21,7 @@ from fogpipe.io.files import is_url
 from fogpipe.pipeline.graph import Graph, Ref
 from fogpipe.runtime.inputs import Inputs
 from fogpipe.runtime.outputs import file_digest, write_output
-from fogpipe.runtime.record import strict_json
+from fogpipe.runtime.record import library_versions, strict_json
 
 
 @dataclass(frozen=True)
@@ -112,15 +111,23 @@ def write_variant(job: Job, place: Place, made: Made) -> Row:
 def record_of(job: Job, made: Made, row: Row) -> dict[str, Any]:
     """How a picture was made, without times or places of this machine: the same batch writes the same bytes."""
     stages = made.graph.resolved()["stages"]
+    contracts = {name: node.contract for name, node in made.graph.nodes.items()}
+    camera = made.item.camera if isinstance(made.item.camera, str) else ""
     return {
-        "fogpipe": fogpipe.__version__,
-        "pipeline": {"source": job.source, "digest": hashlib.blake2b(job.text.encode(), digest_size=20).hexdigest()},
+        "versions": dict(library_versions()),
+        "pipeline": {
+            "source": posixpath.basename(job.source),
+            "digest": hashlib.blake2b(job.text.encode(), digest_size=20).hexdigest(),
+        },
         "color": made.graph.color,
         "tolerance": made.graph.tolerance,
         **{key: value for key, value in asdict(row).items() if key != "sources"},
         "inputs": {name: posixpath.basename(source) for name, source in made.inputs.sources.items()},
         "depth_encoding": made.item.encoding,
-        "notes": list(made.inputs.notes),
+        "notes": [note.replace(camera, posixpath.basename(camera)) for note in made.inputs.notes],
+        "stages": {
+            name: f"{node.contract.name} {node.contract.mark.version}" for name, node in made.graph.nodes.items()
+        },
         "parameters": {name: stage["with"] for name, stage in stages.items()},
     }
 

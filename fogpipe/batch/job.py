@@ -69,7 +69,7 @@ class Job:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Every output of the pipeline that is computed."""
-        return (self.picture, *self.extras, *self.numbers)
+        return tuple(dict.fromkeys((self.picture, *self.extras, *self.numbers)))
 
     def settled(self) -> dict[str, Any]:
         """What shapes the pixels and the names, as plain data: a folder holds the outputs of one such job."""

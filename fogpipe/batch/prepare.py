@@ -78,7 +78,7 @@ def prepare(
         seed=graph.seed if seed is None else seed,
         picture=picture,
         extras=tuple(dict.fromkeys(name for name in also if name != RECORD)),
-        numbers=tuple(name for name, ref in graph.outputs.items() if name not in also and _is_few(graph.kind(ref))),
+        numbers=tuple(name for name, ref in graph.outputs.items() if _is_few(graph.kind(ref))),
         record=RECORD in also,
         layout=layout,
         image_format=image_format or named,

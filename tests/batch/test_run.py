@@ -55,10 +55,14 @@ def test_the_manifest_is_also_a_table_of_parquet(photos: Photos, make_batch: Mak
 
 
 def test_a_record_says_how_a_picture_was_made(photos: Photos, make_batch: Make, tmp_path: Path):
-    run_batch(make_batch(photos(1), tmp_path / "out", seed=9, also=["record"], settings=["extinction.visibility=30"]))
+    also = ["record", "extinction"]  # a number has no file of its own
+    run_batch(make_batch(photos(1), tmp_path / "out", seed=9, also=also, settings=["extinction.visibility=30"]))
     record = json.loads((tmp_path / "out" / "images/0000_record.json").read_text())
     assert record["numbers"] == {"extinction": 0.1}
     assert record["parameters"]["extinction"] == {"visibility": 30}
+    assert record["stages"]["veil"] == "mist.veil 1"
+    assert {"fogpipe", "python", "numpy"} <= record["versions"].keys()
+    assert str(tmp_path) not in json.dumps(record)
     assert record["depth_encoding"] == "kitti"
     assert "Z = v/256 m" in record["notes"][1]
     assert record["seed"] > 0
