@@ -125,9 +125,7 @@ def record_of(job: Job, made: Made, row: Row) -> dict[str, Any]:
         "inputs": {name: posixpath.basename(source) for name, source in made.inputs.sources.items()},
         "depth_encoding": made.item.encoding,
         "notes": [note.replace(camera, posixpath.basename(camera)) for note in made.inputs.notes],
-        "stages": {
-            name: f"{node.contract.name} {node.contract.mark.version}" for name, node in made.graph.nodes.items()
-        },
+        "stages": {name: f"{contract.name} {contract.mark.version}" for name, contract in contracts.items()},
         "parameters": {name: stage["with"] for name, stage in stages.items()},
     }
 
