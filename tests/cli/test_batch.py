@@ -62,6 +62,17 @@ def test_events_are_lines_of_json(fogpipe_cli, words: list[Any], tmp_path: Path)
     assert "1 of 4 items failed" in ended.err
 
 
+def test_a_long_error_is_shortened_and_whole_in_the_journal(fogpipe_cli, words: list[Any], tmp_path: Path):
+    table = tmp_path / "photos" / "set.csv"
+    table.write_text("id,image,range_map,encoding\n1,images/0000.png,depth/0000.png,kity\n")
+    words = [*words[:2], "--data", f"csv:{table}", "--plugins", tmp_path / "mist/stages", "-o", tmp_path / "out"]
+    ended = fogpipe_cli(*words, "--engine", "here")
+    assert 'failed: 1: no depth encoding "kity". Did you mean "kitti"?' in ended.err
+    assert re.search(r"… \d+ more lines in the journal", ended.err)
+    assert "virtual-kitti-2" not in ended.err
+    assert "virtual-kitti-2" in (tmp_path / "out/.fogpipe/journal/1-of-1.jsonl").read_text()
+
+
 def test_a_dry_run_reckons_and_keeps_nothing(fogpipe_cli, words: list[Any], tmp_path: Path):
     ended = fogpipe_cli(*words, "--dry-run", "--json")
     told = json.loads(ended.out)
