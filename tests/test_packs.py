@@ -13,7 +13,7 @@ NEEDS = {
     "fogpipe-sensor": (),
     "fogpipe-graphcut": ("maxflow",),
     "fogpipe-onnx": ("onnxruntime", "onnx"),
-    "fogpipe-torch": ("torch", "albumentations"),
+    "fogpipe-torch": (),  # its tests of arrays need neither PyTorch nor Albumentations; the others skip themselves
 }
 
 

@@ -21,6 +21,8 @@ from fogpipe.errors import RequestError
 
 T = TypeVar("T")
 LOCAL = ("processes", "here")
+PATIENCE = 10.0
+"""Seconds to wait for the scheduler of a cluster."""
 
 
 def cores() -> int:
@@ -127,7 +129,7 @@ def _dask(address: str) -> Any:
     except ImportError as error:
         raise RequestError("--engine dask://…: install fogpipe[cluster].") from error
     try:
-        return Client(address, timeout=10)
+        return Client(address, timeout=PATIENCE)
     except (OSError, TimeoutError) as error:
         raise RequestError(f"--engine: there is no Dask scheduler at {address}: {error}.") from error
 

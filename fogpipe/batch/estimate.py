@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import time
 from dataclasses import dataclass, replace
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from fogpipe.batch.run import Batch, Todo
 from fogpipe.batch.work import work
+from fogpipe.io.files import is_url
 
 TRIALS = 3
 
@@ -23,12 +25,14 @@ class Estimate:
     seconds : wall time with all workers.
     bytes : disk space.
     errors : what went wrong with items that were tried.
+    free : disk space that is left where the outputs go, in bytes; None for a URL.
     """
 
     trials: int
     seconds: float
     bytes: float
     errors: tuple[str, ...] = ()
+    free: int | None = None
 
 
 def estimate(batch: Batch, todo: Todo) -> Estimate:
@@ -48,5 +52,12 @@ def estimate(batch: Batch, todo: Todo) -> Estimate:
                 )
     if not took:
         return Estimate(0, 0.0, 0.0, tuple(errors))
-    each = sum(took) / len(took)
-    return Estimate(len(took), each * todo.outputs / batch.workers, size / len(took) * todo.outputs, tuple(errors))
+    seconds = sum(took) / len(took) * todo.outputs / batch.workers
+    return Estimate(len(took), seconds, size / len(took) * todo.outputs, tuple(errors), _free(batch.job.root))
+
+
+def _free(root: str) -> int | None:
+    if is_url(root):
+        return None
+    folder = Path(root).resolve()
+    return shutil.disk_usage(next(part for part in (folder, *folder.parents) if part.exists())).free

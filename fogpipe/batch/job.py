@@ -57,7 +57,7 @@ class Job:
     extras: tuple[str, ...] = ()
     numbers: tuple[str, ...] = ()
     record: bool = False
-    layout: Layout = Layout("{id}.png")  # noqa: RUF009 (it is frozen)
+    layout: Layout = Layout("{path}.png")  # noqa: RUF009 (it is frozen)
     image_format: str = "png"
     map_format: str = "npy"
     labels: Labels = "link"
@@ -69,7 +69,7 @@ class Job:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Every output of the pipeline that is computed."""
-        return (self.picture, *self.extras, *self.numbers)
+        return tuple(dict.fromkeys((self.picture, *self.extras, *self.numbers)))
 
     def settled(self) -> dict[str, Any]:
         """What shapes the pixels and the names, as plain data: a folder holds the outputs of one such job."""

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fogpipe.batch.variation import Variant
+from fogpipe.datasets.item import Item
 from fogpipe.errors import OutputError, RequestError, suggestion
 
 
@@ -49,8 +51,8 @@ PRESETS = {
 }
 """Layouts by name: Foggy Cityscapes (Sakaridis 2018), and RESIDE (Li 2019) with the names of its outdoor set."""
 
-KNOWN_BEFORE = ("id", "name", "folder", "suffix", "draw")
-"""Fields that do not depend on the pipeline: the id and its two parts, the ending of the picture, the draw."""
+KNOWN_BEFORE = ("path", "id", "name", "folder", "suffix", "draw")
+"""Fields that do not depend on the pipeline: path and ending of the picture, the id and its two parts, the draw."""
 
 
 class _Fields(string.Formatter):
@@ -82,7 +84,7 @@ def layout_from(preset: str | None, template: str | None, parameters: Sequence[s
     if template:
         return Layout(template)
     differing = "".join(f"_{name.rpartition('.')[2]}{{{name}}}" for name in parameters)
-    return Layout("{id}" + differing + ("_{draw}" if draws > 1 else "") + suffix)
+    return Layout("{path}" + differing + ("_{draw}" if draws > 1 else "") + suffix)
 
 
 def fields_of(template: str) -> set[str]:
@@ -128,9 +130,10 @@ def inside(path: str, where: str) -> str:
     return path
 
 
-def known_values(item_id: str, source: str, settings: Mapping[str, Any], draw: int) -> dict[str, Any]:
+def known_values(item: Item, variant: Variant) -> dict[str, Any]:
     """Fields that are known before anything runs: those of the item, and parameters by full and by last name."""
-    folder, _, name = item_id.rpartition("/")
-    ending = posixpath.splitext(posixpath.basename(source))[1]
-    last = {key.rpartition(".")[2]: value for key, value in settings.items()}
-    return {**last, **settings, "id": item_id, "name": name, "folder": folder, "suffix": ending, "draw": draw}
+    folder, _, name = item.id.rpartition("/")
+    ending = posixpath.splitext(posixpath.basename(item.files.get("image", "")))[1]
+    last = {key.rpartition(".")[2]: value for key, value in variant.settings.items()}
+    own = {"path": item.path or item.id, "id": item.id, "name": name, "folder": folder, "suffix": ending}
+    return {**last, **variant.settings, **own, "draw": variant.draw}

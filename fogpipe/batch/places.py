@@ -55,7 +55,7 @@ class Place(ABC):
         """Copy a file that is elsewhere to its place."""
         with self.draft() as draft:
             file = draft / "copy"
-            file.write_bytes(read_bytes(source))
+            file.write_bytes(read_bytes(source, may_be_empty=True))
             self.publish(file, relative)
 
     def link(self, source: str, relative: str) -> None:
@@ -131,7 +131,10 @@ class RemotePlace(Place):
         except ImportError as error:
             raise InputError(f"{root}: to write to URLs, install fogpipe[remote].") from error
         self.root = root.rstrip("/")
-        found: tuple[Any, str] = url_to_fs(self.root)
+        try:
+            found: tuple[Any, str] = url_to_fs(self.root)
+        except Exception as error:  # an unknown protocol, or one whose library is not installed
+            raise OutputError(f"{root}: cannot be written to: {type(error).__name__}: {error}.") from error
         self._system, self._base = found
 
     @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import posixpath
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +14,7 @@ from fogpipe.batch.variation import Variation
 from fogpipe.datasets.catalogue import Dataset
 from fogpipe.datasets.folder import Folder
 from fogpipe.errors import RequestError
+from fogpipe.io.files import is_url
 from fogpipe.pipeline.graph import Graph
 from fogpipe.pipeline.plan import make_plan
 from fogpipe.pipeline.shipped import read_pipeline
@@ -58,6 +60,8 @@ def prepare(
     RequestError
         If anything in it cannot be; nothing was run.
     """
+    if not is_url(root) and os.path.realpath(root) == os.path.realpath(data.root):
+        raise RequestError(f"-o {root}: is the folder of the data set itself. Choose another for the outputs.")
     text, source = read_pipeline(pipeline)
     fixed = {"settings": tuple(settings), "tolerance": tolerance, "plugins": tuple(plugins)}
     graph = pipeline_of(Job(text, source, **fixed)).graph
@@ -74,7 +78,7 @@ def prepare(
         seed=graph.seed if seed is None else seed,
         picture=picture,
         extras=tuple(dict.fromkeys(name for name in also if name != RECORD)),
-        numbers=tuple(name for name, ref in graph.outputs.items() if name not in also and _is_few(graph.kind(ref))),
+        numbers=tuple(name for name, ref in graph.outputs.items() if _is_few(graph.kind(ref))),
         record=RECORD in also,
         layout=layout,
         image_format=image_format or named,
@@ -132,17 +136,19 @@ def _check_outputs(job: Job, graph: Graph) -> None:
 def _check_first_item(job: Job, data: Dataset, variation: Variation) -> None:
     """Settings and names, tried on the first item, but not what it says itself: that is its own affair."""
     first = next(iter(data.items.values()))
-    item = replace(first, id="folder/name", settings={})
+    item = replace(first, id="folder/name", path="folder/name", settings={})
     computed = fields_of(job.layout.picture) & set(job.numbers)
     paths = set()
     variants = variation.variants(item, job.seed)
     for variant in variants:
         outputs_of(job, graph_of(job, variant))
-        fields = known_values(item.id, item.files.get("image", ""), variant.settings, variant.draw)
+        fields = known_values(item, variant)
         fields |= dict.fromkeys([*job.numbers, *first.settings], 1.0)
         paths.add(filled(job.layout.picture, fields))
-    if not {"id", "name"} & fields_of(job.layout.picture):
-        raise RequestError(f'--names "{job.layout.picture}": must hold {{id}} or {{name}}, to tell items apart.')
+    if not {"path", "id", "name"} & fields_of(job.layout.picture):
+        raise RequestError(
+            f'--names "{job.layout.picture}": must hold {{path}}, {{id}} or {{name}}, to tell items apart.'
+        )
     if len(paths) < len(variants) and not computed:
         known = [*KNOWN_BEFORE, *variation.differing]
         raise RequestError(

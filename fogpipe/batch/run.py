@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import json
-import signal
-import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from fogpipe.batch.engines import LOCAL, open_engine, worker_died
+from fogpipe.batch.engines import LOCAL, open_engine
+from fogpipe.batch.flow import Flow
 from fogpipe.batch.job import Job, Task
 from fogpipe.batch.journal import DRAFTS, Journal, State, open_journal, read_state
 from fogpipe.batch.luggage import packed, work_with
@@ -26,9 +23,6 @@ from fogpipe.batch.work import Done, work
 from fogpipe.datasets.catalogue import Dataset
 from fogpipe.errors import RequestError
 from fogpipe.runtime.outputs import make_folder
-
-ATTEMPTS = 2
-"""Workers that one item may cost: the first may have been killed for what another program did."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +161,7 @@ def run_batch(batch: Batch, watcher: Watcher | None = None) -> Summary:
     with open_journal(place, shard) as journal:
         todo = _what_is_missing(batch, place)
         journal.job(batch.settled())
+        journal.flush()  # a place that cannot be written to is known before anything runs
         job = replace(batch.job, drafts=f"{place.root}/{DRAFTS}/{shard}" if isinstance(place, LocalPlace) else "")
         summary = Summary(todo.items, finished_before=todo.finished, failed=dict(todo.failed))
         watcher.started(todo)
@@ -213,7 +208,8 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
         watcher.done(done)
 
     with open_engine(batch.engine, min(batch.workers, len(tasks)), batch.job.threads) as (executor, slots):
-        flow = _Flow(lambda task: executor.submit(call, batch.job, task), slots, tasks)
+        ahead = batch.engine != "here"
+        flow = Flow(lambda task: executor.submit(call, batch.job, task), slots, tasks, ahead)
         try:
             with flow.interruptible():
                 for done in flow:
@@ -224,69 +220,6 @@ def _make_all(batch: Batch, tasks: Sequence[Task], journal: Journal, summary: Su
             for done in flow:
                 take(done)
             raise
-
-
-class _Flow:
-    """Results of tasks as they come in, while never more than ``slots`` are under way."""
-
-    def __init__(self, submit: Callable[[Task], Future[Done]], slots: int, tasks: Sequence[Task]) -> None:
-        self.submit = submit
-        self.slots = slots
-        self.tasks = iter(tasks)
-        self.pending: dict[Future[Done], tuple[Task, int]] = {}
-        self.stopped = False
-        self._waiting = False
-        self._interrupted = False
-
-    @contextmanager
-    def interruptible(self) -> Iterator[None]:
-        """Let the first Ctrl-C come through only while nothing is being written down; a second one comes at once."""
-
-        def on_interrupt(*_: object) -> None:
-            if self._waiting or self._interrupted:
-                raise KeyboardInterrupt
-            self._interrupted = True
-
-        if threading.current_thread() is not threading.main_thread():  # which alone hears signals
-            yield
-            return
-        usual = signal.signal(signal.SIGINT, on_interrupt)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, usual)
-
-    def __iter__(self) -> Iterator[Done]:
-        while True:
-            while not self.stopped and len(self.pending) < self.slots and (task := next(self.tasks, None)):
-                self.pending[self.submit(task)] = task, 1
-            if not self.pending:
-                return
-            for future in self._completed():
-                if done := self._taken(future):
-                    yield done
-
-    def _completed(self) -> Collection[Future[Done]]:
-        self._waiting = True
-        try:
-            if self._interrupted:
-                self._interrupted = False
-                raise KeyboardInterrupt
-            return wait(self.pending, return_when=FIRST_COMPLETED).done
-        finally:
-            self._waiting = False
-
-    def _taken(self, future: Future[Done]) -> Done | None:
-        """The result of a call; None where its worker died and it begins anew."""
-        task, attempt = self.pending.pop(future)
-        error = future.exception()
-        if error is None:
-            return future.result()
-        if worker_died(error) and attempt < ATTEMPTS:
-            self.pending[self.submit(task)] = task, attempt + 1
-            return None
-        died = "its worker died twice: killed, or out of memory. Use fewer --workers."
-        return Done(task.item.id, error=died if worker_died(error) else str(error))
 
 
 def _expect_same_batch(batch: Batch, place: Place, state: State) -> None:

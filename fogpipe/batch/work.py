@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gc
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from multiprocessing import parent_process
 
 import numpy as np
 
@@ -61,6 +64,7 @@ def work(job: Job, task: Task) -> Done:
     try:
         with clock("whole"):
             rows = _rows(job, task, clock)
+        _settle()
         return Done(task.item.id, tuple(rows), seconds=dict(clock.seconds), memory=peak_memory())
     except FogpipeError as error:
         cause = error.__cause__
@@ -118,6 +122,14 @@ def _run(plan: Plan, inputs: Inputs, known: Mapping[Ref, np.ndarray], clock: _Cl
         if not expectation.holds(value):
             raise ExpectationError(f"{plan.graph.source}: expected {expectation}, but it is {value:g}.")
     return {**known, **outcome.values}
+
+
+@cache
+def _settle() -> None:
+    """Spare the garbage collector of a worker what it has loaded by now: to go through it takes as long as a blur."""
+    if parent_process():
+        gc.collect()
+        gc.freeze()
 
 
 def _refuse_same_names(rows: Sequence[Row]) -> None:

@@ -35,7 +35,9 @@ def command(
     also: Annotated[
         list[str] | None, typer.Option(metavar="OUTPUT", help="Write beside it: transmission, range, …, record.")
     ] = None,
-    names: Annotated[str | None, typer.Option(metavar="TEMPLATE", help="Name of each output, '{id}_fog.png'.")] = None,
+    names: Annotated[
+        str | None, typer.Option(metavar="TEMPLATE", help="Name of each output, '{path}_fog.png'.")
+    ] = None,
     preset: Annotated[str | None, typer.Option(help="Names as in foggy-cityscapes or reside.")] = None,
     image_format: Annotated[str | None, typer.Option(help="png, png16, jpg, webp, tif, exr, hdr or npy.")] = None,
     map_format: Annotated[str, typer.Option(help="npy, exr, tif or png (16 bit, for values in 0…1).")] = "npy",

@@ -45,7 +45,7 @@ class BatchProgress(Watcher):
     def done(self, done: Done) -> None:
         if done.error:
             self.failures += 1
-            self._say(f"failed: {done.item}: {done.error}")
+            self._say(f"failed: {done.item}: {_shortened(done.error)}")
         if self.bar:
             speed = self.bar.tasks[0].speed
             failures = f"{self.failures} failed" if self.failures else ""
@@ -112,10 +112,11 @@ def show_estimate(batch: Batch, as_json: bool) -> None:
         return
     print(_in_words(todo), file=sys.stderr)
     for error in taken.errors if taken else ():
-        print(f"failed: {error}", file=sys.stderr)
+        print(f"failed: {_shortened(error)}", file=sys.stderr)
     if taken and taken.trials:
+        free = "" if taken.free is None else f" of {_size(taken.free)} that are free"
         print(
-            f"about {_duration(taken.seconds)} with {batch.workers} workers, and {taken.bytes / 2**30:.3g} GiB"
+            f"about {_duration(taken.seconds)} with {batch.workers} workers, and {_size(taken.bytes)}{free}"
             f" ({taken.trials} items were tried; nothing was kept)",
             file=sys.stderr,
         )
@@ -148,6 +149,21 @@ def _in_words(todo: Todo) -> str:
     before = f", {todo.finished} done already" if todo.finished else ""
     failed = f", {len(todo.failed)} failed earlier (--retry-failed tries them again)" if todo.failed else ""
     return f"{todo.items} items{before}{failed}; {len(todo.tasks)} to do, {todo.outputs} outputs"
+
+
+def _shortened(error: str, most: int = 3) -> str:
+    """An error without the lists that some end with: thousands of items may say the same. The journal has all of it."""
+    lines = error.splitlines()
+    return (
+        error
+        if len(lines) <= most
+        else "\n".join([*lines[:most], f"  … {len(lines) - most} more lines in the journal"])
+    )
+
+
+def _size(amount: float) -> str:
+    power = next((power for power in (1, 2) if amount < 1024 ** (power + 1)), 3)
+    return f"{amount / 1024**power:.3g} {'KMG'[power - 1]}iB"
 
 
 def _duration(seconds: float) -> str:

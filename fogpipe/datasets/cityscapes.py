@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fogpipe.datasets.folder import Folder
+from fogpipe.datasets.folder import Folder, without_suffix
 from fogpipe.datasets.item import Item, reader
 
 KINDS = ("color.png", "instanceIds.png", "labelIds.png", "labelTrainIds.png", "polygons.json")
@@ -36,5 +36,6 @@ def cityscapes(folder: Folder, *, split: str | None = None, labels: str = "gtFin
             files={"image": folder.path(path), "range_map": folder.path(f"disparity/{frame}_disparity.png")},
             encoding="cityscapes",
             camera=folder.path(f"camera/{frame}_camera.json"),
+            path=without_suffix(path),
             labels=folder.labels(*(f"{labels}/{frame}_{labels}_{kind}" for kind in KINDS)),
         )

@@ -16,7 +16,7 @@ class Item:
 
     Attributes
     ----------
-    id : its name, unique in the set, with ``/`` between folders; outputs are named after it.
+    id : its name, unique in the set, with ``/`` between folders.
     files : a file for each input of a pipeline, by name, as scenes have it: ``image``, ``range_map`` …
     encoding : how its depth is written, a name in :mod:`fogpipe.io.encodings`.
     camera : its camera file, or a mapping with ``fx``, ``fy``, ``cx``, ``cy`` …
@@ -24,6 +24,7 @@ class Item:
     values : numbers of its own, such as ``time`` (s); ``--bind stage.parameter=time`` hands them on.
     settings : parameters of the pipeline that this item sets, as ``stage.parameter``; texts are read as ``--set`` does.
     sequence : the video it is a frame of. Frames of one sequence share their seed, so that nothing random flickers.
+    path : where its picture is in the set, without ending, which the outputs mirror; the id where it is empty.
     """
 
     id: str
@@ -34,6 +35,7 @@ class Item:
     values: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     sequence: str | None = None
+    path: str = ""
 
 
 def reader(name: str) -> Callable[[Function], Function]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from fogpipe.datasets.folder import Folder
+from fogpipe.datasets.folder import Folder, without_suffix
 from fogpipe.datasets.item import Item, reader
 from fogpipe.datasets.video import frame
 from fogpipe.errors import RequestError
@@ -57,6 +57,7 @@ def pairs(
             encoding=encoding if depth else None,
             camera=camera and folder.path(camera.replace("{id}", name)),
             labels=folder.labels(*named),
+            path=without_suffix(path),
         )
         yield replace(item, **frame(name.rpartition("/")[0], name, rate)) if rate else item
 

@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 from fogpipe.errors import InputError
 
 
-def read_bytes(path: str | os.PathLike[str]) -> bytes:
+def read_bytes(path: str | os.PathLike[str], *, may_be_empty: bool = False) -> bytes:
     """The whole content of a file, or of what a URL such as ``s3://bucket/key`` names.
 
     Raises
@@ -18,7 +18,7 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         If the file is missing, empty, a folder or a device, or must not be read.
     """
     data = _read_url(str(path)) if is_url(path) else _read_file(path)
-    if not data:
+    if not data and not may_be_empty:
         raise InputError(f"{path}: is empty (0 bytes). Get a fresh copy.")
     return data
 

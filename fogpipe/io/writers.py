@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 
@@ -126,10 +126,20 @@ def _narrowed(linear: np.ndarray, bits: int, *, insist: bool) -> np.ndarray:
 
 
 def encode_png(samples: np.ndarray) -> bytes:
-    """PNG of 8 or 16 bits. OpenCV is as fast as PNG gets, and Pillow has no colour of 16 bits."""
+    """PNG of 8 or 16 bits. OpenCV is as fast as PNG gets, and Pillow has no colour of 16 bits.
+
+    One filter for all rows takes two thirds of the time of choosing one for each row, at nearly the same size. What it
+    leaves of a photograph of 8 bits repeats in runs, if at all.
+    """
     import cv2
 
-    settings = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_FILTERED]
+    photograph = samples.dtype == np.uint8 and samples.ndim == 3
+    strategy = cv2.IMWRITE_PNG_STRATEGY_RLE if photograph else cv2.IMWRITE_PNG_STRATEGY_FILTERED
+    settings = {
+        cv2.IMWRITE_PNG_COMPRESSION: 1,
+        cv2.IMWRITE_PNG_STRATEGY: strategy,
+        cv2.IMWRITE_PNG_FILTER: cv2.IMWRITE_PNG_FILTER_AVG,
+    }
     return _by_opencv(".png", samples, settings)
 
 
@@ -176,7 +186,7 @@ def encode_hdr(samples: np.ndarray) -> bytes:
 
     It cannot hold negative light, which becomes black.
     """
-    return _by_opencv(".hdr", np.maximum(samples, 0), [])
+    return _by_opencv(".hdr", np.maximum(samples, 0), {})
 
 
 def encode_npy(samples: np.ndarray) -> bytes:
@@ -186,12 +196,13 @@ def encode_npy(samples: np.ndarray) -> bytes:
     return stream.getvalue()
 
 
-def _by_opencv(suffix: str, samples: np.ndarray, settings: list[int]) -> bytes:
+def _by_opencv(suffix: str, samples: np.ndarray, settings: Mapping[int, int]) -> bytes:
     import cv2
 
     if samples.ndim == 3:
-        samples = samples[..., [2, 1, 0, 3][: samples.shape[2]]]
-    return cv2.imencode(suffix, np.ascontiguousarray(samples), settings)[1].tobytes()
+        samples = cv2.cvtColor(samples, cv2.COLOR_RGB2BGR if samples.shape[2] == 3 else cv2.COLOR_RGBA2BGRA)
+    listed = [number for setting in settings.items() for number in setting]
+    return cv2.imencode(suffix, np.ascontiguousarray(samples), listed)[1].tobytes()
 
 
 def _by_pillow(samples: np.ndarray, **settings: object) -> bytes:

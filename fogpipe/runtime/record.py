@@ -8,6 +8,7 @@ import platform
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -70,7 +71,7 @@ def make_record(
         "seconds": seconds,
         "peak_memory_bytes": peak_memory(),
         "peak_array_bytes": result.peak_bytes,
-        "versions": _versions(),
+        "versions": library_versions(),
         "platform": platform.platform(),
     }
 
@@ -166,7 +167,9 @@ def _describe(kind: Kind, array: Any) -> dict[str, Any]:
     return facts | ({} if kind.is_per_pixel(array) else {"value": array.tolist()})
 
 
-def _versions() -> dict[str, str]:
+@cache
+def library_versions() -> Mapping[str, str]:
+    """Versions of fogpipe, of Python, and of the libraries that pixels depend on."""
     found = {"fogpipe": fogpipe.__version__, "python": platform.python_version()}
     for name in _LIBRARIES:
         try:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from fogpipe.batch import engines
 from fogpipe.batch.run import Batch, Watcher, run_batch
 from fogpipe.errors import RequestError
 
@@ -91,5 +92,6 @@ def test_a_cluster_gives_the_same_bytes_and_may_lose_a_worker(
 def test_a_scheduler_that_is_not_there_is_one_clear_error(
     photos: Callable[..., Path], make_batch: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    monkeypatch.setattr(engines, "PATIENCE", 0.5)
     with pytest.raises(RequestError, match=r"there is no Dask scheduler at tcp://127\.0\.0\.1:9"):
         run_batch(make_batch(photos(1), tmp_path / "out", engine="dask://127.0.0.1:9"))

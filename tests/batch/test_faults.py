@@ -14,7 +14,7 @@ import pytest
 
 from fogpipe.batch.places import LocalPlace
 from fogpipe.batch.run import Batch, run_batch
-from fogpipe.errors import OutputError
+from fogpipe.errors import OutputError, RequestError
 
 from .conftest import contents
 
@@ -98,6 +98,17 @@ def test_too_many_failures_stop_the_run(table: Path, make_batch: Make, tmp_path:
     assert len(summary.failed) == 3
     assert "--max-failures" in summary.stopped
     assert summary.made < 50
+
+
+def test_nothing_of_the_set_is_written_over(photos: Photos, make_batch: Make, tmp_path: Path):
+    data = photos(2)
+    before = contents(data)
+    with pytest.raises(RequestError, match="is the folder of the data set itself"):
+        make_batch(data, tmp_path / "out" / ".." / "photos")
+    (data / "set.csv").write_text("id,image,range_map,encoding\nimages/0000,images/0000.png,depth/0000.png,kitti\n")
+    summary = run_batch(make_batch(f"csv:{data / 'set.csv'}", data))
+    assert "images/0000.png: is part of the data set" in summary.failed["images/0000"]
+    assert {name: digest for name, digest in contents(data).items() if name in before} == before
 
 
 def killing(photos: Photos, count: int, white: int) -> Path:

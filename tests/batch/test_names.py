@@ -5,9 +5,16 @@ from __future__ import annotations
 import pytest
 
 from fogpipe.batch.names import PRESETS, filled, inside, known_values, layout_from
+from fogpipe.batch.variation import Variant
+from fogpipe.datasets.item import Item
 from fogpipe.errors import OutputError, RequestError
 
-FIELDS = known_values("train/aachen/aachen_000000_000019", "x/19.jpg", {"fog.visibility": 150.0}, 0)
+
+def fields(item_id: str, **settings: float) -> dict:
+    return known_values(Item(item_id, {"image": "x/19.jpg"}), Variant("", settings, draw=0, seed=0))
+
+
+FIELDS = fields("train/aachen/aachen_000000_000019", **{"fog.visibility": 150.0})
 
 
 def test_fields_are_the_item_and_its_parameters():
@@ -17,23 +24,24 @@ def test_fields_are_the_item_and_its_parameters():
 
 
 def test_by_default_names_mirror_the_input_and_tell_what_differs():
-    assert layout_from(None, None, [], 1, ".png").picture == "{id}.png"
+    assert layout_from(None, None, [], 1, ".png").picture == "{path}.png"
     layout = layout_from(None, None, ["fog.visibility"], 3, ".jpg")
     assert filled(layout.picture, FIELDS) == "train/aachen/aachen_000000_000019_visibility150_0.jpg"
+    assert filled(layout.picture, FIELDS | {"path": "rgb/19"}) == "rgb/19_visibility150_0.jpg"
 
 
 def test_the_names_of_foggy_cityscapes():
-    layout, fields = PRESETS["foggy-cityscapes"], FIELDS | {"extinction": 0.02}
+    layout, known = PRESETS["foggy-cityscapes"], FIELDS | {"extinction": 0.02}
     picture = "leftImg8bit_foggy/train/aachen/aachen_000000_000019_leftImg8bit_foggy_beta_0.02.png"
-    assert filled(layout.picture, fields) == picture
+    assert filled(layout.picture, known) == picture
     transmittance = "leftImg8bit_transmittance/train/aachen/aachen_000000_000019_leftImg8bit_transmittance_beta_0.02"
-    assert filled(layout.extra, fields | {"output": layout.called("transmission")}) == transmittance
+    assert filled(layout.extra, known | {"output": layout.called("transmission")}) == transmittance
 
 
 def test_the_names_of_reside():
-    layout, fields = PRESETS["reside"], known_values("0025", "0025.jpg", {}, 0) | {"airlight": 0.8, "extinction": 0.04}
-    assert filled(layout.picture, fields) == "hazy/0025_0.8_0.04.png"
-    assert filled(layout.clear, fields) == "clear/0025.jpg"
+    layout, known = PRESETS["reside"], fields("0025") | {"airlight": 0.8, "extinction": 0.04}
+    assert filled(layout.picture, known) == "hazy/0025_0.8_0.04.png"
+    assert filled(layout.clear, known) == "clear/0025.jpg"
 
 
 @pytest.mark.parametrize("path", ["../x.png", "a/../../x.png", "/etc/x.png", "a//x.png", "", "C:/x.png", "a\0b"])

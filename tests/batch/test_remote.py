@@ -12,8 +12,8 @@ import pytest
 
 from fogpipe.batch.journal import read_state
 from fogpipe.batch.places import place_at
-from fogpipe.batch.run import Batch, run_batch
-from fogpipe.errors import InputError
+from fogpipe.batch.run import Batch, Watcher, run_batch
+from fogpipe.errors import InputError, OutputError
 
 from .conftest import OPTIONS, contents
 
@@ -63,7 +63,7 @@ def test_from_url_to_url_gives_the_same_bytes_and_resumes(
     assert run_batch(batch()).made == 4
     assert run_batch(batch()).made == 0
     assert pixels(downloaded(f"{memory}/out", tmp_path / "there")) == pixels(contents(tmp_path / "here"))
-    fsspec.filesystem("memory").rm("/bucket/out/0001_visibility20.png")
+    fsspec.filesystem("memory").rm("/bucket/out/images/0001_visibility20.png")
     assert run_batch(batch()).made == 1
 
 
@@ -101,12 +101,32 @@ def web(photos: Callable[..., Path]) -> Iterator[str]:
     server.server_close()
 
 
-def test_processes_read_from_a_web_server(web: str, make_batch: Make, tmp_path: Path):
-    table = tmp_path / "set.csv"
-    rows = [f"{n},{web}/images/{n:04}.png,{web}/depth/{n:04}.png,kitti\n" for n in range(3)]
-    table.write_text("id,image,range_map,encoding\n" + "".join(rows))
-    summary = run_batch(make_batch(f"csv:{table}", tmp_path / "out", engine="processes", workers=2))
+def test_processes_read_a_table_and_what_it_names_from_a_web_server(web: str, make_batch: Make, tmp_path: Path):
+    rows = [f"{n:04},images/{n:04}.png,{web}/depth/{n:04}.png,kitti,labels/{n:04}.txt\n" for n in range(3)]
+    table = tmp_path / "photos" / "set.csv"
+    table.write_text("id,image,range_map,encoding,labels\n" + "".join(rows))
+    summary = run_batch(make_batch(f"csv:{web}/set.csv", tmp_path / "there", engine="processes", workers=2))
     assert (summary.made, summary.failed) == (3, {})
+    run_batch(make_batch(f"csv:{table}", tmp_path / "here", labels="copy"))
+    assert pixels(contents(tmp_path / "there")) == pixels(contents(tmp_path / "here"))
+
+
+def test_a_web_server_that_lists_its_files_is_a_folder(web: str, make_batch: Make, tmp_path: Path):
+    summary = run_batch(make_batch(f"folder:{web}", tmp_path / "out", reader_options=OPTIONS))
+    assert (summary.made, summary.failed) == (3, {})
+    assert (tmp_path / "out/labels/0002.txt").read_text() == "0 2\n"
+
+
+def test_a_place_that_cannot_be_written_to_is_known_before_anything_runs(web: str, make_batch: Make, tmp_path: Path):
+    class Silent(Watcher):
+        def started(self, todo):
+            raise AssertionError("it ran")
+
+    batch = partial(make_batch, tmp_path / "photos")
+    with pytest.raises(OutputError, match=r"http://.*1-of-1.*cannot be written: .*501"):
+        run_batch(batch(f"{web}/out"), Silent())
+    with pytest.raises(OutputError, match=r"nosuch://place: cannot be written to: .*nosuch"):
+        run_batch(batch("nosuch://place"), Silent())
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ def manifest(folder: Path) -> list[dict[str, str]]:
 def test_outputs_mirror_the_input_with_labels_and_manifest(photos: Photos, make_batch: Make, tmp_path: Path):
     summary = run_batch(make_batch(photos(3), tmp_path / "out", **SWEEP, also=["transmission", "record"]))
     assert (summary.items, summary.made, summary.failed) == (3, 6, {})
-    names = {f"{n:04}_visibility{v}{end}" for n in range(3) for v in (20, 40) for end in
+    names = {f"images/{n:04}_visibility{v}{end}" for n in range(3) for v in (20, 40) for end in
              (".png", "_transmission.npy", "_record.json")}  # fmt: skip
     labels = {f"labels/{n:04}_visibility{v}.txt" for n in range(3) for v in (20, 40)}
     assert contents(tmp_path / "out").keys() == names | labels | {"manifest.csv", "manifest.parquet"}
@@ -55,16 +55,20 @@ def test_the_manifest_is_also_a_table_of_parquet(photos: Photos, make_batch: Mak
 
 
 def test_a_record_says_how_a_picture_was_made(photos: Photos, make_batch: Make, tmp_path: Path):
-    run_batch(make_batch(photos(1), tmp_path / "out", seed=9, also=["record"], settings=["extinction.visibility=30"]))
-    record = json.loads((tmp_path / "out" / "0000_record.json").read_text())
+    also = ["record", "extinction"]  # a number has no file of its own
+    run_batch(make_batch(photos(1), tmp_path / "out", seed=9, also=also, settings=["extinction.visibility=30"]))
+    record = json.loads((tmp_path / "out" / "images/0000_record.json").read_text())
     assert record["numbers"] == {"extinction": 0.1}
     assert record["parameters"]["extinction"] == {"visibility": 30}
+    assert record["stages"]["veil"] == "mist.veil 1"
+    assert {"fogpipe", "python", "numpy"} <= record["versions"].keys()
+    assert str(tmp_path) not in json.dumps(record)
     assert record["depth_encoding"] == "kitti"
     assert "Z = v/256 m" in record["notes"][1]
     assert record["seed"] > 0
     assert len(record["pipeline"]["digest"]) == 40
     rows = manifest(tmp_path / "out")
-    assert record["sha256"] == rows[0]["sha256"] == contents(tmp_path / "out")["0000.png"]
+    assert record["sha256"] == rows[0]["sha256"] == contents(tmp_path / "out")["images/0000.png"]
 
 
 def test_a_batch_gives_what_single_runs_give(photos: Photos, make_batch: Make, mist: Path, tmp_path: Path):
@@ -76,7 +80,7 @@ def test_a_batch_gives_what_single_runs_give(photos: Photos, make_batch: Make, m
     pipeline = fogpipe.load(mist, set={"extinction.visibility": 40}, plugins=[mist.parent / "stages"])
     depth = read_depth(data / "depth/0000.png", encoding="kitti").values
     alone = pipeline.run(image=read_image(data / "images/0000.png").pixels, range_map=depth)["hazy"]
-    np.testing.assert_array_equal(np.load(tmp_path / "out" / "0000_visibility40.npy"), alone)
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "images/0000_visibility40.npy"), alone)
 
 
 def test_order_shards_and_processes_change_no_byte(photos: Photos, make_batch: Make, tmp_path: Path):
@@ -100,10 +104,10 @@ def test_frames_of_a_video_share_their_noise_and_move_with_time(photos: Photos, 
         (data / f"depth/{number:04}.png").write_bytes((data / "depth/0000.png").read_bytes())
     options = {"reader_options": reader_options, "settings": ["veil.grain=0.2"], "image_format": "npy"}
     run_batch(make_batch(data, tmp_path / "still", **options))
-    still = [np.load(tmp_path / "still" / f"000{n}.npy") for n in range(3)]
+    still = [np.load(tmp_path / "still" / f"images/000{n}.npy") for n in range(3)]
     np.testing.assert_array_equal(still[0], still[2])
     run_batch(make_batch(data, tmp_path / "moving", **options, binds=["veil.time=time"]))
-    moving = [np.load(tmp_path / "moving" / f"000{n}.npy") for n in range(3)]
+    moving = [np.load(tmp_path / "moving" / f"images/000{n}.npy") for n in range(3)]
     inner = (moving[2] < 1) & (still[0] > 0)
     # 0.2 s / 100, rounded in float32 sums of values below 1.
     np.testing.assert_allclose((moving[2] - moving[0])[inner], 0.002, atol=2e-7)
@@ -112,12 +116,12 @@ def test_frames_of_a_video_share_their_noise_and_move_with_time(photos: Photos, 
 def test_a_second_run_makes_what_is_missing_and_nothing_else(photos: Photos, make_batch: Make, tmp_path: Path):
     data, out = photos(4), tmp_path / "out"
     run_batch(make_batch(data, out, **SWEEP))
-    before = {path: path.stat().st_mtime_ns for path in out.glob("*.png")}
-    (out / "0002_visibility40.png").unlink()
+    before = {path: path.stat().st_mtime_ns for path in out.glob("images/*.png")}
+    (out / "images/0002_visibility40.png").unlink()
     summary = run_batch(make_batch(data, out, sweeps=["extinction.visibility=20,40,60"]))
     assert summary.made == 4 + 1
-    after = {path: path.stat().st_mtime_ns for path in out.glob("*.png")}
-    untouched = before.keys() - {out / "0002_visibility40.png"}
+    after = {path: path.stat().st_mtime_ns for path in out.glob("images/*.png")}
+    untouched = before.keys() - {out / "images/0002_visibility40.png"}
     assert {path: after[path] for path in untouched} == {path: before[path] for path in untouched}
     assert run_batch(make_batch(data, out, **SWEEP)).made == 0
 
@@ -170,17 +174,19 @@ def test_names_that_do_not_tell_variants_apart_are_refused_before_anything_runs(
 ):
     with pytest.raises(RequestError, match=r"gives 2 outputs of an item 1 names.*\{extinction.visibility\}"):
         make_batch(photos(1), tmp_path / "out", **SWEEP, names="{id}.png")
-    with pytest.raises(RequestError, match=r"must hold \{id\} or \{name\}"):
+    with pytest.raises(RequestError, match=r"must hold \{path\}, \{id\} or \{name\}"):
         make_batch(photos(1), tmp_path / "out", names="fog.png")
 
 
 def test_labels_are_linked_copied_or_left_out(photos: Photos, make_batch: Make, tmp_path: Path):
-    data = photos(1)
+    data = photos(2)
+    (data / "labels/0001.txt").write_text("")  # a picture without objects
     for labels in ("link", "copy", "none"):
         run_batch(make_batch(data, tmp_path / labels, labels=labels))
     assert (tmp_path / "link" / "labels/0000.txt").resolve() == data / "labels/0000.txt"
     assert not (tmp_path / "copy" / "labels/0000.txt").is_symlink()
     assert (tmp_path / "copy" / "labels/0000.txt").read_text() == "0 0\n"
+    assert (tmp_path / "copy" / "labels/0001.txt").read_text() == ""
     assert not (tmp_path / "none" / "labels").exists()
 
 
@@ -189,7 +195,7 @@ def test_pictures_may_keep_name_and_format(photos: Photos, make_batch: Make, tmp
     cv2.imwrite(str(data / "images/0001.jpg"), cv2.imread(str(data / "images/0001.png")))
     (data / "images/0001.png").unlink()
     options = {**OPTIONS, "image": "images/{id}.*"}
-    run_batch(make_batch(data, tmp_path / "out", names="images/{id}{suffix}", reader_options=options))
+    run_batch(make_batch(data, tmp_path / "out", names="{path}{suffix}", reader_options=options))
     assert read_image(tmp_path / "out/images/0000.png").description.startswith("8-bit colour PNG")
     assert read_image(tmp_path / "out/images/0001.jpg").description.startswith("8-bit colour JPEG")
 
@@ -229,6 +235,6 @@ def test_ctrl_c_while_a_row_is_written_loses_nothing(photos: Photos, make_batch:
     data, out = photos(6), tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         run_batch(make_batch(data, out, engine="processes", workers=2), Interrupting())
-    made = {path.name for path in out.glob("*.png")}
+    made = {f"images/{path.name}" for path in out.glob("images/*.png")}
     assert {row["hazy"] for row in manifest(out)} == made  # also of what was under way
     assert 1 <= len(made) <= 4  # two workers: what came in first, and what was under way by then

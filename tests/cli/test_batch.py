@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -61,18 +62,32 @@ def test_events_are_lines_of_json(fogpipe_cli, words: list[Any], tmp_path: Path)
     assert "1 of 4 items failed" in ended.err
 
 
+def test_a_long_error_is_shortened_and_whole_in_the_journal(fogpipe_cli, words: list[Any], tmp_path: Path):
+    table = tmp_path / "photos" / "set.csv"
+    table.write_text("id,image,range_map,encoding\n1,images/0000.png,depth/0000.png,kity\n")
+    words = [*words[:2], "--data", f"csv:{table}", "--plugins", tmp_path / "mist/stages", "-o", tmp_path / "out"]
+    ended = fogpipe_cli(*words, "--engine", "here")
+    assert 'failed: 1: no depth encoding "kity". Did you mean "kitti"?' in ended.err
+    assert re.search(r"… \d+ more lines in the journal", ended.err)
+    assert "virtual-kitti-2" not in ended.err
+    assert "virtual-kitti-2" in (tmp_path / "out/.fogpipe/journal/1-of-1.jsonl").read_text()
+
+
 def test_a_dry_run_reckons_and_keeps_nothing(fogpipe_cli, words: list[Any], tmp_path: Path):
     ended = fogpipe_cli(*words, "--dry-run", "--json")
     told = json.loads(ended.out)
     assert told["to_do"] == 4
     assert told["estimate"]["trials"] > 0
     assert told["estimate"]["seconds"] > 0
+    assert told["estimate"]["free"] > 0
     assert not (tmp_path / "out").exists()
     assert fogpipe_cli(*words).code == 0
-    size = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.png"))
+    size = sum(path.stat().st_size for path in (tmp_path / "out/images").glob("*.png"))
     # The pictures are noise, which compresses alike.
     assert told["estimate"]["bytes"] == pytest.approx(size, rel=0.1)
     assert "0 to do" in fogpipe_cli(*words, "--dry-run").err
+    again = fogpipe_cli(*words, "--dry-run", "-o", tmp_path / "elsewhere").err
+    assert re.search(r"about [\d.]+ s with \d+ workers, and [\d.]+ KiB of [\d.e+]+ .iB that are free", again)
 
 
 @pytest.mark.parametrize(
@@ -98,7 +113,7 @@ def test_what_cannot_be_is_refused_before_anything_runs(
     ended = fogpipe_cli(*words, *more)
     assert ended.code == 2
     assert message in ended.err
-    assert not list(tmp_path.glob("out/*.png"))
+    assert not list(tmp_path.glob("out/images/*.png"))
 
 
 def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
@@ -107,7 +122,7 @@ def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
     program += ["--workers", "1", "--set", "waited.seconds=1.5"]
     process = subprocess.Popen(program, start_new_session=True, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("out/*.png")):
+    while not list(tmp_path.glob("out/images/*.png")):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
@@ -115,7 +130,7 @@ def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
     assert process.returncode == 130
     assert b"interrupted: 1 items under way are finished" in said
     assert b"Traceback" not in said
-    made = len(list(tmp_path.glob("out/*.png")))
+    made = len(list(tmp_path.glob("out/images/*.png")))
     assert 1 <= made < 4
     assert len((tmp_path / "out" / "manifest.csv").read_text().splitlines()) == 1 + made
     assert not (tmp_path / "out" / ".fogpipe" / "drafts").exists()

@@ -103,6 +103,7 @@ def test_cityscapes(tmp_path: Path):
     touch(tmp_path, labels)
     data = open_dataset(f"cityscapes:{tmp_path}", {"split": "val"})
     assert [*data.items] == [f"val/{frame}"]
+    assert data.items[f"val/{frame}"].path == f"leftImg8bit/val/{frame}_leftImg8bit"
     assert metres(data, f"val/{frame}") == pytest.approx(0.2 * 7 / 4)  # baseline · fx / ((v − 1)/256)
     assert [*data.items[f"val/{frame}"].labels] == labels
     assert len(open_dataset(f"cityscapes:{tmp_path}").items) == 2
@@ -174,6 +175,7 @@ def test_a_folder_of_pairs(tmp_path: Path):
     options = {"image": "rgb/{id}.jpg", "depth": "distance/{id}_d.png", "encoding": "kitti"}
     data = open_dataset(f"folder:{tmp_path}", options | {"labels": "yolo/{id}.txt,voc/{id}-*.xml", "rate": "5"})
     assert [*data.items] == ["street/1", "street/2"]
+    assert data.items["street/2"].path == "rgb/street/2"
     assert metres(data, "street/2") == 2
     assert [*data.items["street/2"].labels] == ["yolo/street/2.txt", "voc/street/2-a.xml"]
     assert data.items["street/2"].values["time"] == 0.4

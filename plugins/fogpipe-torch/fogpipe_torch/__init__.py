@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fogpipe_torch.dataset import FogDataset, one_thread
     from fogpipe_torch.fog import Draw, Fog
+    from fogpipe_torch.samples import FoggySamples
     from fogpipe_torch.transform import FogTransform
 
 _HOMES = {
     "Draw": "fogpipe_torch.fog",
     "Fog": "fogpipe_torch.fog",
     "FogDataset": "fogpipe_torch.dataset",
+    "FoggySamples": "fogpipe_torch.samples",
     "FogTransform": "fogpipe_torch.transform",
     "one_thread": "fogpipe_torch.dataset",
 }
 
-__all__ = ["Draw", "Fog", "FogDataset", "FogTransform", "one_thread"]
+__all__ = ["Draw", "Fog", "FogDataset", "FogTransform", "FoggySamples", "one_thread"]
 
 
 def __getattr__(name: str) -> Any:
