@@ -6,6 +6,7 @@ reference is the equation in float64 (solver ``reference``), and in the figures 
 
 from __future__ import annotations
 
+import itertools
 import math
 import tracemalloc
 from collections.abc import Callable, Iterator, Sequence
@@ -121,12 +122,12 @@ def widths(layer: FloatArray, ratio: FloatArray, repeats: int) -> Iterator[Row]:
 
 def sharp_parts(layer: FloatArray, repeats: int) -> Iterator[Row]:
     """A frame of which four fifths, in one piece, need no blur, against one that needs it everywhere."""
-    for share in (0.0, 0.8):
-        scale = np.full(layer.shape[:2], 25.0, np.float32)
+    for sigma, share in itertools.product((6.0, 25.0), (0.0, 0.8)):
+        scale = np.full(layer.shape[:2], sigma, np.float32)
         scale[round(layer.shape[0] * (1 - share)) :] = FINEST
         ways = {"auto 0.002": partial(SOLVERS["auto"], layer, scale, FINEST, 0.25, 2e-3)}
         exact = reference(layer, scale, FINEST)
-        yield from compared(f"{share:.0%} of the pixels sharp, σ 25", ways, layer, 25.0, exact, repeats)
+        yield from compared(f"{share:.0%} of the pixels sharp, σ {sigma:g}", ways, layer, sigma, exact, repeats)
 
 
 def number_formats(layer: FloatArray) -> Iterator[Row]:

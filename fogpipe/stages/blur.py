@@ -230,11 +230,12 @@ def diffusion(
 
     Notes
     -----
-    ``"auto"`` splits the rates over levels of ever coarser cells, which never join both sides of an edge of the scale,
-    and runs a Chebyshev polynomial of the operator on each; rates of 0 cost a copy. It chooses stretches of time,
-    levels and degree by models of the error that were fitted to eight scenes and are no bound; for a layer rougher
-    than a photograph it stays on the full grid, where its bound is strict. Values may overshoot the least and the
-    largest by a few per cent of their difference. Memory: up to 3 layers more than the result.
+    ``"auto"`` joins pixels to larger cells where the blur is wide, never across a wall of the scale, and steps all cells
+    together by one Chebyshev polynomial; pixels far from larger cells are stepped in tiles, and rates of 0 cost a copy.
+    It chooses size of cells and degree by what cells missed on nine scenes, which is no bound; for a layer rougher than
+    a photograph, or below 65 536 pixels, it stays on the pixels, where its bound is strict. Values may overshoot the
+    least and the largest by a few per cent of their difference. Memory: 1.5 to 3 layers more than the result, up to 5
+    where the scale is torn everywhere.
 
     ``"invariant-corrected"`` adds the variance that the scale asks for, at 1.23 times the steps. ``"fed"`` is Fast
     Explicit Diffusion in four cycles, ``"adi"`` eight implicit steps of tridiagonal systems, ``"reference"`` the

@@ -92,7 +92,7 @@ def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
     links = cells.neighbours.ravel(), cells.weights.ravel(), cells.starts[1], cells.first, cells.finer, cells.rates
     rate = held.dtype.type(2 / spectrum)  # T(1) = X T(0) is half a step from T(0) = T(−1)
     for factor in series[1:]:
-        in_bands(_step, len(held), 32, *links, rate, now, older, total, factor)
+        in_bands(_step, len(held), 4, *links, rate, now, older, total, factor)
         older, now = now, older
         rate = held.dtype.type(4 / spectrum)
     return total.reshape(held.shape)
