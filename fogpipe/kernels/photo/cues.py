@@ -69,8 +69,8 @@ def sky_likelihood(colour: FloatArray, flat: FloatArray, lowest: float) -> Float
 def trust(sky: FloatArray, colour: FloatArray, road: float) -> float:
     """How surely what looks like sky is sky, 0 to 1: a white wall looks like a cloudy day.
 
-    Sky is blue, or spans the upper part of the photo, or stands above the end of a road. A backdrop, a wall beside a window
-    or the floor above a desk does none of it.
+    Sky is blue, or spans the upper part of the photo, or stands above the end of a road. A backdrop, a wall beside a
+    window or the floor above a desk does none of it.
 
     Parameters
     ----------
