@@ -139,6 +139,17 @@ def test_a_large_photo_is_solved_at_the_cap_and_keeps_its_edges():
     assert np.abs(capped.transmission - whole.transmission).mean() < 0.06
 
 
+def test_twelve_megapixels_are_solved_at_the_cap():
+    import cv2
+
+    skimage = pytest.importorskip("skimage")
+    photo = cv2.resize(skimage.data.rocket(), (4000, 3000)).astype(np.float32) / 255
+    found = mrf(photo)
+    assert found.transmission.shape == (3000, 4000)
+    assert found.gap <= 1e-3
+    assert found.energy < 255 * 0.5e6  # of half a million pixels
+
+
 def test_the_published_parameters_are_certified_to_a_thousandth():
     skimage = pytest.importorskip("skimage")
     assert mrf(skimage.data.rocket().astype(np.float32) / 255).gap <= 1e-3
