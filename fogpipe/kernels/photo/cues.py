@@ -81,7 +81,7 @@ def trust(sky: FloatArray, colour: FloatArray, road: float) -> float:
     found = sky > 0.5
     if not found.any():
         return 0.0
-    blue = float(_above(-6 - np.median(colour[..., 2][found]), 1.5))
+    blue = float(_above(np.asarray(-6 - np.median(colour[..., 2][found])), 1.5))
     none, certain = SPANNED
     span = float(np.clip((found[: max(1, len(sky) // 8)].mean() - none) / (certain - none), 0, 1))
     return 1 - (1 - blue) * (1 - span) * (1 - road)
