@@ -40,6 +40,7 @@ def estimate(
     colour: tuple[Annotated[float, Ge(0)], Annotated[float, Ge(0)], Annotated[float, Ge(0)]] | None = None,
     saturation: Annotated[float, Ge(0), Le(1)] = 1.0,
     horizon: Annotated[float, Gt(0), Le(1)] = 0.25,
+    brighter: Annotated[float, Gt(0), Le(1)] = 1.0,
     share: Annotated[float, Gt(0), Le(1)] = 0.001,
     patch: Annotated[int, Ge(1), Unit("px")] = 15,
 ) -> Airlight:
@@ -58,6 +59,8 @@ def estimate(
         colours alike, so fog under a blue sky is nearly white; a given colour stays as it is.
     horizon : Share of the sky that is used, from its lowest pixel up. A far object fades into the sky at the horizon,
         which is paler than the zenith; 1 takes the whole sky.
+    brighter : Share of these pixels that is used, from the brightest down: in a sky that was guessed, dark ones are
+        mountains and walls.
     share : Brightest share of all patches that is used; at least one is.
     patch : Side of the square patches. A patch is as bright as its darkest pixel, so a lamp or highlight that does
         not fill a patch does not count, however bright it is. A larger one does.
@@ -93,7 +96,7 @@ def estimate(
             raise ValueError('source "given" needs a colour: set colour to (red, green, blue).')
         airlight = np.array(colour, image.dtype)
     if source in ("auto", "sky") and sky is not None and sky.any():
-        airlight = _at_horizon(image, sky, horizon)
+        airlight = _at_horizon(image, sky, horizon, brighter)
     elif source == "sky":
         raise ValueError('source "sky" needs a sky, and this scene has none: use "auto" or "brightest".')
     if source == "auto" and airlight.max() <= 0:  # NaN is not: a sky that is not finite is told, not passed over
@@ -108,11 +111,14 @@ def estimate(
     return np.maximum(airlight, 0)
 
 
-def _at_horizon(image: FloatArray, sky: Mask, horizon: float) -> FloatArray:
-    """The median colour of the lowest share of the sky."""
+def _at_horizon(image: FloatArray, sky: Mask, horizon: float, brighter: float) -> FloatArray:
+    """The median colour of the brighter share of the lowest share of the sky."""
     pixels = np.flatnonzero(sky)  # in raster order: the last are the lowest
-    lowest = pixels[-max(1, round(horizon * pixels.size)) :]
-    return np.median(image.reshape(-1, 3)[lowest], axis=0)
+    lowest = image.reshape(-1, 3)[pixels[-max(1, round(horizon * pixels.size)) :]]
+    if brighter < 1:
+        count = max(1, round(brighter * len(lowest)))
+        lowest = lowest[np.argpartition(lowest @ np.array(LUMINANCE, image.dtype), -count)[-count:]]
+    return np.median(lowest, axis=0)
 
 
 def _brightest_patches(image: FloatArray, share: float, patch: int) -> FloatArray:

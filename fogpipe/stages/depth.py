@@ -114,6 +114,7 @@ def from_photo(
     sky = cues.sky_likelihood(colour, flat, lowest)
     openness = max(_openness(sky, point), horizon.horizon_of(sky).confidence)
     sky *= 1 - point.confidence * (1 - openness)
+    sky *= cues.trust(sky, colour, point.confidence * _openness(sky, point))
     width = walls[0] ** openness * walls[1] ** (1 - openness)
     box = vanishing.box_nearness(sky.shape, point, width, ceiling)
     objects = cues.prominence(flat)

@@ -45,7 +45,7 @@ def mrf(
     reading: Reading = "vertical-order",
     solver: Literal["chains", "columns", "trws", "icm"] = "chains",
     target_gap: Annotated[float, Ge(0)] = 1e-3,
-    passes: Annotated[int, Ge(1)] = 8,
+    passes: Annotated[int, Ge(1)] = 6,
     cap: Annotated[float, Gt(0), Unit("MP")] = 0.5,
 ) -> Labelling:
     r"""Pseudo-transmission of one photo, from the labels of least energy of a Markov random field.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import subprocess
 import sys
@@ -106,6 +107,30 @@ def test_the_bound_of_chains_closes_in_on_the_energy_with_more_passes():
     gaps = [chains(field(noise, 8, 2.0), 0.0, passes).gap for passes in (1, 8, 128)]
     assert gaps[0] > gaps[1] > gaps[2]
     assert gaps[2] < 0.02  # measured 0.4 %
+
+
+def test_chains_stop_soon_after_the_gap_is_reached(monkeypatch: pytest.MonkeyPatch):
+    module = importlib.import_module("fogpipe.kernels.mrf.chains")
+    made = {"passes": 0, "labels": 0}
+
+    def counted(name: str, function):
+        def call(*arguments, **named):
+            made[name] += 1
+            return function(*arguments, **named)
+
+        return call
+
+    monkeypatch.setattr(module.Ascent, "step", counted("passes", module.Ascent.step))
+    monkeypatch.setattr(module, "dual_bound", counted("labels", module.dual_bound))
+    noise = field(np.random.default_rng(3).uniform(0, 255, (64, 64)), 8, 0.5)
+    gaps = [module.chains(noise, 0.0, count).gap for count in range(1, 25)]
+    for target in (gaps[0], 0.03, 0.01):
+        made.update(passes=0, labels=0)
+        assert module.chains(noise, target, 64).gap <= target
+        needed = next(count for count, gap in enumerate(gaps, 1) if gap <= target)
+        # Labels wait for a quarter of the passes done, or as if each took a third of the gap.
+        assert made["passes"] <= max(1.25 * needed + 1, 3)
+        assert made["labels"] <= 1 + made["passes"] / 2
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

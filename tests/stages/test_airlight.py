@@ -35,6 +35,15 @@ def test_sun_and_branches_do_not_move_the_sky():
     np.testing.assert_array_equal(estimate(image, sky), HAZE)
 
 
+def test_dark_ground_in_a_sky_that_was_guessed_does_not_count_with_its_brighter_share():
+    image, sky = scene()
+    image[:40] = HAZE
+    image[15:40] = 0.05  # mountains that were taken for sky, most of it
+    np.testing.assert_array_equal(estimate(image, sky, horizon=1), np.float32([0.05] * 3))
+    np.testing.assert_array_equal(estimate(image, sky, horizon=1, brighter=0.25), HAZE)
+    assert estimate(image[:1], sky[:1], brighter=1e-9) == pytest.approx(HAZE)  # one pixel is left
+
+
 def test_brightest_patches_without_a_sky():
     image, _ = scene()
     image[:40] = HAZE

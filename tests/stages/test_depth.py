@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(3)
 
 
+@functools.cache
 def scene(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Display values and true range of a sample, at most 800 pixels wide."""
     values = open_scene(name).load("srgb").values
@@ -55,6 +58,24 @@ def test_the_sky_of_a_night_photo_is_sky_and_its_masts_are_not():
     assert sky[:200, 100:250].mean() > 0.9  # between two masts
     assert depth[:200, 100:130].min() > 0.95
     assert depth[200:350, 318:322].max() < 0.8  # the rocket
+
+
+def test_studio_backdrops_and_brick_are_no_sky(shared_data):
+    import skimage.data
+
+    from fogpipe.io.images import read_image
+
+    for name in ("hazy/house.jpg", "kinect/color.jpg"):  # brick behind leaves; a white wall beside a window
+        assert from_photo(read_image(shared_data / name, color="srgb").pixels).sky.mean() < 0.01
+    assert from_photo(skimage.data.astronaut() / 255).sky.mean() < 0.01
+
+
+@pytest.mark.parametrize("name", ["foggy_house.jpg", "man.png", "canyon.png"])
+def test_grey_and_blue_skies_are_sky(shared_data, name: str):
+    from fogpipe.io.images import read_image
+
+    sky = from_photo(read_image(shared_data / "hazy" / name, color="srgb").pixels).sky
+    assert sky[: len(sky) // 8].mean() > 0.7  # the house has branches before its sky
 
 
 def test_a_corridor_is_far_where_its_lines_meet():

@@ -7,7 +7,7 @@ from numba import njit
 
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.mrf.energy import Field, Solution, energy
-from fogpipe.kernels.mrf.tiles import LANES, collect, copy, costs_against
+from fogpipe.kernels.mrf.tiles import LANES, WORK, collect, costs_against
 
 
 def columns(field: Field) -> Solution:
@@ -16,17 +16,17 @@ def columns(field: Field) -> Solution:
     return Solution(labels, energy(field, labels), bound)
 
 
-def solve_columns(field: Field, dual: np.ndarray | None) -> tuple[np.ndarray, float]:
+def solve_columns(field: Field, costs: np.ndarray | None) -> tuple[np.ndarray, float]:
     """Labels of each column of least cost on its own, and the sum of these costs.
 
-    ``dual`` (bands, blocks, labels, LANES, LANES), by squares of pixels, is added to the data cost.
+    ``costs`` (blocks, rows, labels, LANES), of the field padded to whole squares, take the place of the data costs.
     """
     height, width = field.target.shape
     blocks = -(-width // LANES)
-    dual = np.zeros((0, blocks, field.labels, LANES, LANES), np.float32) if dual is None else dual
+    costs = np.zeros((blocks, 0, field.labels, LANES), np.float32) if costs is None else costs
     labels = np.empty((height, width), np.uint8)
     least = np.empty(blocks)
-    in_bands(_solve, blocks, height * LANES, field, costs_against(field.vertical, np.float64), dual, labels, least)
+    in_bands(_solve, blocks, height * LANES, field, costs_against(field.vertical, np.float64), costs, labels, least)
     return labels, float(least.sum())
 
 
@@ -54,20 +54,21 @@ def transposed(field: Field) -> Field:
 
 
 @njit(nogil=True, cache=True)
-def _solve(first, last, field, against, dual, chosen, least):
+def _solve(first, last, field, against, costs, chosen, least):
     height, width = field.target.shape
-    unary = np.empty((height, field.labels, LANES))
-    weight = np.empty((height, LANES))
-    messages, work, cost = np.empty_like(unary), np.empty((4 + field.labels, LANES)), np.empty(LANES)
+    rows = max(height, costs.shape[1])
+    unary = np.zeros((rows, field.labels, LANES))
+    weight = np.zeros((rows, LANES))
+    messages, work, cost = np.empty_like(unary), np.empty(WORK), np.empty(LANES)
     for block in range(first, last):
         left = block * LANES
         lanes = min(LANES, width - left)
         _load(field, left, 1, lanes, unary, weight)
-        for band in range(dual.shape[0]):
-            _add_square(dual[band, block], unary[band * LANES : (band + 1) * LANES])
+        for row in range(costs.shape[1]):
+            _convert(costs[block, row], unary[row])
         collect(unary, weight, against, False, work, messages, cost)
-        least[block] = cost[:lanes].sum()
-        _choose(unary, messages, weight, field.vertical, left, 1, lanes, chosen)
+        least[block] = cost.sum()
+        _choose(unary[:height], messages, weight, field.vertical, left, 1, lanes, chosen)
 
 
 @njit(nogil=True, cache=True)
@@ -75,7 +76,7 @@ def _improve(first, last, field, against, parity, chosen):
     height, width = field.target.shape
     unary = np.empty((height, field.labels, LANES))
     weight = np.empty((height, LANES))
-    messages, work, cost = np.empty_like(unary), np.empty((4 + field.labels, LANES)), np.empty(LANES)
+    messages, work, cost = np.empty_like(unary), np.empty(WORK), np.empty(LANES)
     beside = np.zeros((4, LANES))
     for block in range(first, last):
         left = parity + 2 * block * LANES
@@ -89,11 +90,10 @@ def _improve(first, last, field, against, parity, chosen):
 
 
 @njit(nogil=True, cache=True)
-def _add_square(dual, unary):
-    for k in range(dual.shape[0]):
-        for row in range(unary.shape[0]):
-            for n in range(LANES):
-                unary[row, k, n] += dual[k, row, n]
+def _convert(costs, unary):
+    for k in range(costs.shape[0]):
+        for n in range(LANES):
+            unary[k, n] = costs[k, n]
 
 
 @njit(nogil=True, cache=True)
@@ -154,6 +154,7 @@ def _choose(unary, messages, weight, cost, left, stride, lanes, chosen):
                 if total < best_cost[n]:
                     best_cost[n] = total
                     best[n] = k
-        copy(best, above)
+        for n in range(LANES):
+            above[n] = best[n]
         for n in range(lanes):
             chosen[row, left + stride * n] = np.uint8(best[n])

@@ -124,23 +124,23 @@ def _choice(field, down, right, chosen, row, column, costs):
 
 def _bound(field: Field, down: np.ndarray, right: np.ndarray) -> float:
     """The bound of the messages: after a pass, the chains through a pixel hold equal shares of its costs."""
-    dual = padded(np.zeros_like(down), LANES)
-    _share_out(field, down, right, dual)
-    height, width, labels = dual.shape
-    squares = dual.reshape(height // LANES, LANES, width // LANES, LANES, labels).transpose(0, 2, 4, 1, 3)
-    return dual_bound(field, np.ascontiguousarray(squares))[1]
+    costs = padded(np.zeros_like(down), LANES)
+    _share_out(field, down, right, costs)
+    height, width, labels = costs.shape
+    blocks = costs.reshape(height, width // LANES, LANES, labels).transpose(1, 0, 3, 2)
+    return dual_bound(field, np.ascontiguousarray(blocks))[1]
 
 
 @njit(nogil=True, cache=True)
-def _share_out(field, down, right, dual):
+def _share_out(field, down, right, costs):
+    """What the column through each pixel has of its costs."""
     height, width = field.target.shape
     every = np.empty(field.labels)
-    share = 0.5 if height > 1 and width > 1 else (1.0 if width == 1 else 0.0)  # of the column
+    share = 0.5 if height > 1 and width > 1 else (1.0 if width == 1 else 0.0)
     for row in range(height):
         for column in range(width):
             _collected(field, down, right, row, column, every)
             for k in range(field.labels):
                 vertical = down[row, column, k] if row < height - 1 else 0.0
                 vertical += down[row - 1, column, k] if row > 0 else 0.0
-                data = abs(field.target[row, column] - k * field.step)
-                dual[row, column, k] = share * every[k] - vertical - data
+                costs[row, column, k] = share * every[k] - vertical

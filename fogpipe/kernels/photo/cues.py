@@ -9,6 +9,9 @@ from fogpipe.kernels.arrays import FloatArray
 THICKEST = 5
 """Objects thinner than this, in pixels of the coarse grid, do not part one piece of sky from another."""
 
+SPANNED = (0.6, 0.8)
+"""Share of the upper eighth of a photo at which grey sky counts as a wall, and at which as sky for certain."""
+
 
 def lab(display: FloatArray) -> FloatArray:
     """CIE L*a*b* of display values in [0, 1]."""
@@ -61,6 +64,27 @@ def sky_likelihood(colour: FloatArray, flat: FloatArray, lowest: float) -> Float
     as_bright = _above(lightness - (above - 4), 2) * _above(np.array(40 - above, np.float32), 3)
     likely = hue * np.maximum(bright, as_bright) * joined
     return behind_thin_objects(likely, colour) * _above(np.float32(lowest) - rows, 0.02)
+
+
+def trust(sky: FloatArray, colour: FloatArray, road: float) -> float:
+    """How surely what looks like sky is sky, 0 to 1: a white wall looks like a cloudy day.
+
+    Sky is blue, or spans the upper part of the photo, or stands above the end of a road. A backdrop, a wall beside a
+    window or the floor above a desk does none of it.
+
+    Parameters
+    ----------
+    sky : (H, W) likelihood of sky.
+    colour : (H, W, 3) L*a*b* of the photo.
+    road : how surely the photo shows a road that ends below the sky, 0 to 1.
+    """
+    found = sky > 0.5
+    if not found.any():
+        return 0.0
+    blue = float(_above(np.asarray(-6 - np.median(colour[..., 2][found])), 1.5))
+    none, certain = SPANNED
+    span = float(np.clip((found[: max(1, len(sky) // 8)].mean() - none) / (certain - none), 0, 1))
+    return 1 - (1 - blue) * (1 - span) * (1 - road)
 
 
 def behind_thin_objects(sky: FloatArray, colour: FloatArray) -> FloatArray:
