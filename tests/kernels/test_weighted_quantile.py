@@ -7,7 +7,8 @@ import pytest
 from scipy.ndimage import grey_dilation
 
 from fogpipe.kernels.bands import set_threads, threads
-from fogpipe.kernels.dehazing.weighted_quantile import LARGEST_RADIUS, binned, exact
+from fogpipe.kernels.dehazing.binned_quantile import LARGEST_RADIUS, binned
+from fogpipe.kernels.dehazing.weighted_quantile import exact
 
 PULL = 2 * 3 / 15  # three channels, λ = 15
 
