@@ -111,7 +111,7 @@ def non_local(
     transmission: Transmission,
     *,
     noise_sigma: Annotated[float, Ge(0)] | None = None,
-    window: Annotated[int, Ge(3), Le(255), Unit("px")] = 15,
+    window: Annotated[int, Ge(3), Le(255), Unit("px")] = 21,
     layer: Annotated[float, Gt(0)] = 0.3,
     strictness: Annotated[float, Gt(0)] = 4.0,
     solver: Literal["mean", "median"] = "mean",
