@@ -169,11 +169,11 @@ def non_local(
     algorithm for image denoising*.
     """
     from fogpipe.kernels.dehazing import latent, model
-    from fogpipe.kernels.dehazing.noise import deviation
+    from fogpipe.kernels.dehazing.noise import deviation_of_smooth_parts
 
     require_finite(image=image, airlight=airlight, transmission=transmission)
     scene = model.invert(image, airlight, transmission, floor)
-    sigma = deviation(image) if noise_sigma is None else noise_sigma
+    sigma = LENIENCE * deviation_of_smooth_parts(image) if noise_sigma is None else noise_sigma
     if sigma > 0:
         dtype = scene.dtype
         scene, t = floats(scene.astype(np.float32), np.maximum(transmission, floor))
@@ -184,6 +184,10 @@ def non_local(
             scene = latent.weighted_median(scene, t, *weights, balance, passes)
         scene = scene.astype(dtype, copy=False)
     return np.clip(scene, 0, 1, out=scene) if clip else scene
+
+
+LENIENCE = 1.1
+"""The noise that is supposed, as a multiple of what is estimated: less leaves spots in thick haze (tuned)."""
 
 
 @stage("restore.tempered_colour")
