@@ -33,9 +33,8 @@ def deviation_of_smooth_parts(image: np.ndarray) -> float:
     """Standard deviation of the noise of an (H, W, 3) image: of the diagonal wavelet details in its smooth regions.
 
     Leaves and bricks, which :func:`deviation` takes for noise in part, would be smoothed away by it. Here each region
-    has its own deviation, and the tenth percentile counts. Regions without any detail, black or white as they are,
-    are passed over. 0 for an image of less than 8 pixels in a direction, and for one with rounding
-    errors only.
+    has its own deviation, and the tenth percentile counts. What has no detail at all, black or white, is passed
+    over. 0 for an image of less than 8 pixels in a direction, and for one with rounding errors only.
     """
     if min(image.shape[:2]) < LEAST_SIDE:
         return 0.0
@@ -43,11 +42,11 @@ def deviation_of_smooth_parts(image: np.ndarray) -> float:
 
     _, (_, _, details) = pywt.dwt2(np.asarray(image, np.float32), "db2", axes=(0, 1))
     squares = np.square(details[1:-1, 1:-1]).mean(axis=2)  # without those that saw beyond the border
+    seen = squares > 1e-10 * float(np.abs(image).max()) ** 2
     edges = [np.arange(0, max(1, side - REGION // 4), REGION // 2) for side in squares.shape]
-    sums, sizes = (
+    sums, count, size = (
         np.add.reduceat(np.add.reduceat(values, edges[0], axis=0), edges[1], axis=1)
-        for values in (squares, np.ones_like(squares))
+        for values in (np.where(seen, squares, 0), seen.astype(np.float32), np.ones_like(squares))
     )
-    deviations = np.sqrt(sums / sizes)
-    noisy = deviations > 1e-5 * float(np.abs(image).max())
-    return float(np.percentile(deviations[noisy], SMOOTHEST)) if noisy.any() else 0.0
+    noisy = count > size / 4
+    return float(np.sqrt(np.percentile(sums[noisy] / count[noisy], SMOOTHEST))) if noisy.any() else 0.0
