@@ -47,8 +47,9 @@ def binned(
         )
     real = log_t.dtype.type
     low, high, members = _bins(log_t, levels)
-    level = np.searchsorted(high, log_t.reshape(-1)).astype(np.uint16).reshape(log_t.shape)
-    start = np.minimum(np.searchsorted(high, bound.reshape(-1)), levels - 1).astype(np.uint16).reshape(bound.shape)
+    level, start = np.empty(log_t.shape, np.uint16), np.empty(log_t.shape, np.uint16)
+    in_bands(_find, *log_t.shape, log_t, high, level)
+    in_bands(_find, *log_t.shape, bound, high, start)
     cell = real(deviation / CELLS_PER_DEVIATION)
     place = (guide - guide.min()) / cell
     within = cell**2 / 6  # the variance that sharing between two bins adds to that of the weight
@@ -80,6 +81,22 @@ def _bins(log_t: FloatArray, levels: int) -> tuple[FloatArray, FloatArray, Float
     rest = (0, levels - last.size)
     low, high = (np.pad(values[place], rest, mode="edge") for place in (first, last))
     return low, high, np.pad(last - first + 1, rest, constant_values=1).astype(values.dtype)
+
+
+@njit(nogil=True, cache=True)
+def _find(first, last, values, high, place):
+    """The first bin that reaches up to each value, by halving; values are at most the largest of all."""
+    for y in range(first, last):
+        for x in range(values.shape[1]):
+            low, count = 0, high.size - 1
+            while count > 0:
+                half = count // 2
+                if high[low + half] < values[y, x]:
+                    low += half + 1
+                    count -= half + 1
+                else:
+                    count = half
+            place[y, x] = low
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
