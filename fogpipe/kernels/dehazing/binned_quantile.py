@@ -261,7 +261,8 @@ def _zero(low, high, group, weight, below, total, data, pull, quantile):
         at_high = _derivative(high[q], below, total, data, pull, quantile)
         if at_high >= 0:
             return low[q] - (high[q] - low[q]) * at_low / (at_high - at_low)
-    return high[q] - at_high / (pull * total) if pull > 0 else high[q]
+    top = high[first + GROUP - 1]
+    return top - _derivative(top, below, total, data, pull, quantile) / (pull * total) if pull > 0 else top
 
 
 @njit(nogil=True, cache=True, inline="always")
