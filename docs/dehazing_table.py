@@ -22,7 +22,7 @@ def main(path: Path) -> None:
         print(f"\n{noise}:\n")
         print("| method |", " | ".join(SCORES), "|")
         print("|---" * (1 + len(SCORES)) + "|")
-        for way in dict.fromkeys(row["way"] for row in means):
+        for way in dict.fromkeys(row["way"] for row in means if row["case"].endswith(f", {noise}")):
             rows = [found[eta, noise, way] for eta in THICKNESSES]
             cells = [cell([row["scores"].get(score) for row in rows], form) for score, form in SCORES.items()]
             print("|", way, "|", " | ".join(cells), "|")

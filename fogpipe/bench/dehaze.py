@@ -88,7 +88,7 @@ def non_local_as_published(scene: HazyScene) -> tuple[FloatArray, FloatArray]:
     """Yan 2013 with the bound of the noisy image, its own first guess, and medians."""
     smooth = structure.relative_total_variation(scene.hazy)
     t = haze.non_local(scene.hazy, scene.airlight, smooth, darkest=0.0, saturation=1.0, quantile=0.5, noise_sigma=0.0)
-    return restore.non_local(scene.hazy, scene.airlight, t, solver="median"), t
+    return restore.non_local(scene.hazy, scene.airlight, t, solver="median", window=15), t
 
 
 METHODS: dict[str, Method] = {

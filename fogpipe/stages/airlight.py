@@ -7,13 +7,14 @@ measures.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_maps
+from fogpipe.kernels.dehazing import airlight_pixels
+from fogpipe.kernels.dehazing.fading import colour_faded_into
 from fogpipe.ports import Airlight, Image, Mask, Unit
 from fogpipe.stage import stage
 
@@ -96,44 +97,21 @@ def estimate(
             raise ValueError('source "given" needs a colour: set colour to (red, green, blue).')
         airlight = np.array(colour, image.dtype)
     if source in ("auto", "sky") and sky is not None and sky.any():
-        airlight = _at_horizon(image, sky, horizon, brighter)
+        luminance = image @ np.array(LUMINANCE, image.dtype)
+        airlight = np.median(airlight_pixels.at_horizon(image, luminance, sky, horizon, brighter), axis=0)
     elif source == "sky":
         raise ValueError('source "sky" needs a sky, and this scene has none: use "auto" or "brightest".')
     if source == "auto" and airlight.max() <= 0:  # NaN is not: a sky that is not finite is told, not passed over
         source = "brightest"
     if source == "brightest":
-        airlight = np.median(_brightest_patches(image, share, patch), axis=0)
+        luminance = image @ np.array(LUMINANCE, image.dtype)
+        airlight = np.median(airlight_pixels.brightest_patches(image, luminance, share, patch), axis=0)
     if airlight.shape != (3,) or not np.isfinite(airlight).all() or (source == "given" and airlight.min() < 0):
         raise ValueError(f"the airlight ({source}) must be three finite numbers of 0 or more, not {airlight}.")
     if source != "given":
         luminance = airlight @ np.array(LUMINANCE, airlight.dtype)
         airlight = luminance + image.dtype.type(saturation) * (airlight - luminance)
     return np.maximum(airlight, 0)
-
-
-def _at_horizon(image: FloatArray, sky: Mask, horizon: float, brighter: float) -> FloatArray:
-    """The median colour of the brighter share of the lowest share of the sky."""
-    pixels = np.flatnonzero(sky)  # in raster order: the last are the lowest
-    lowest = image.reshape(-1, 3)[pixels[-max(1, round(horizon * pixels.size)) :]]
-    if brighter < 1:
-        count = max(1, round(brighter * len(lowest)))
-        lowest = lowest[np.argpartition(lowest @ np.array(LUMINANCE, image.dtype), -count)[-count:]]
-    return np.median(lowest, axis=0)
-
-
-def _brightest_patches(image: FloatArray, share: float, patch: int) -> FloatArray:
-    """All pixels, (count, 3), of the patches whose darkest pixel is brightest."""
-    height, width, _ = image.shape
-    rows, columns = np.arange(0, height, patch), np.arange(0, width, patch)
-    luminance = image @ np.array(LUMINANCE, image.dtype)
-    darkest = np.minimum.reduceat(np.minimum.reduceat(luminance, rows, axis=0), columns, axis=1)
-    count = max(1, round(share * darkest.size))
-    brightest = np.argpartition(darkest, -count, axis=None)[-count:]
-    pieces = [
-        image[y : y + patch, x : x + patch].reshape(-1, 3)
-        for y, x in zip(rows[brightest // columns.size], columns[brightest % columns.size], strict=True)
-    ]
-    return np.concatenate(pieces)
 
 
 @stage("airlight.brightest")
@@ -164,7 +142,7 @@ def brightest(image: Image, *, share: Share = 0.001) -> AirlightEstimate:
     """
     image = _hazy(image)
     pixels = image.reshape(-1, 3)
-    return _of(pixels[_largest(pixels @ np.array(LUMINANCE, image.dtype), share)])
+    return _of(pixels[airlight_pixels.largest(pixels @ np.array(LUMINANCE, image.dtype), share)])
 
 
 @stage("airlight.dark_channel")
@@ -204,7 +182,7 @@ def dark_channel(
 
     image = _hazy(image)
     darkest = cv2.erode(image.min(axis=2), np.ones((patch, patch), np.uint8))
-    candidates = image.reshape(-1, 3)[_largest(np.ravel(darkest), share)]
+    candidates = image.reshape(-1, 3)[airlight_pixels.largest(np.ravel(darkest), share)]
     found = _of(candidates)
     if take == "brightest":
         found = found._replace(airlight=np.maximum(candidates[candidates.sum(axis=1).argmax()], 0))
@@ -241,12 +219,7 @@ def quad_tree(image: Image, *, smallest: Side = 32) -> AirlightEstimate:
     ----------
     Kim, Jang, Sim and Kim 2013, *Optimized contrast enhancement for real-time image and video dehazing*, section 3.1.
     """
-    region = _hazy(image)
-    while min(region.shape[:2]) >= 2 and max(region.shape[:2]) > smallest:
-        y, x = region.shape[0] // 2, region.shape[1] // 2
-        quarters = [region[:y, :x], region[:y, x:], region[y:, :x], region[y:, x:]]
-        region = max(quarters, key=lambda quarter: (quarter.mean(axis=(0, 1)) - quarter.std(axis=(0, 1))).sum())
-    return _of(region.reshape(-1, 3))
+    return _of(airlight_pixels.brightest_quarter(_hazy(image), smallest))
 
 
 @stage("airlight.scribble")
@@ -279,33 +252,18 @@ def scribble(
     """
     require_maps(image=(image, 3), **({} if scribble is None else {"scribble": (scribble, 1)}))
     image = _hazy(image)
-    marked = scribble if scribble is not None and scribble.any() else _discs(image.shape[:2], points, radius)
+    marked = scribble
+    if marked is None or not marked.any():
+        marked = airlight_pixels.discs(image.shape[:2], points, radius)
     if not marked.any():
         raise ValueError("nothing is marked as haze: give a scribble or points.")
     return _of(image[marked])
-
-
-def _discs(shape: tuple[int, ...], points: Sequence[tuple[float, float]], radius: float) -> np.ndarray:
-    """(H, W) bool, true within the radius of a point."""
-    height, width = shape
-    marked = np.zeros(shape, bool)
-    rows, columns = np.ogrid[:height, :width]
-    for across, down in points:
-        column, row = round(across * (width - 1)), round(down * (height - 1))
-        marked |= (columns - column) ** 2 + (rows - row) ** 2 <= radius**2
-    return marked
 
 
 def _hazy(image: Image) -> FloatArray:
     require_maps(image=(image, 3))
     require_finite(image=image)
     return floats(image)[0]
-
-
-def _largest(values: np.ndarray, share: float) -> np.ndarray:
-    """Places of the largest share of the values, at least of one."""
-    count = max(1, round(share * values.size))
-    return np.argpartition(values, -count)[-count:]
 
 
 def _of(pixels: FloatArray) -> AirlightEstimate:
@@ -341,7 +299,5 @@ def fading(image: Image, *, share: Share = 0.005) -> AirlightEstimate:
     the share of the picture that has its colour, times the evidence. Searches a copy reduced to 160 px: about 90 ns
     per pixel of the original.
     """
-    from fogpipe.kernels.dehazing.fading import colour_faded_into
-
     image = _hazy(image)
     return _of(colour_faded_into(image, share).astype(image.dtype))

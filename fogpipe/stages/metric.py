@@ -64,7 +64,8 @@ def psnr(image: Image, reference: Image, *, color: Color = "linear") -> Number:
     which are display values whatever ``color`` says. The mean is over all pixels and channels.
     """
     one, other = _on_display(image, reference, color)
-    return _decibels(np.mean(np.square(one - other)))
+    with np.errstate(divide="ignore"):
+        return np.asarray(-10 * np.log10(np.mean(np.square(one - other))), np.float64)
 
 
 @stage("metric.ssim")
@@ -270,11 +271,6 @@ def _display(image: np.ndarray, color: Color, name: str) -> FloatArray:
 
         image = srgb_from_linear(image)
     return np.clip(image, 0, 1, dtype=np.float64)
-
-
-def _decibels(mean_square: np.floating) -> Number:
-    with np.errstate(divide="ignore"):
-        return np.asarray(-10 * np.log10(mean_square), np.float64)
 
 
 def _has_edge(grey: FloatArray, contrast: float) -> np.ndarray:

@@ -52,7 +52,8 @@ def relative_total_variation(
     Notes
     -----
     Each system is solved by conjugate gradients with a multigrid cycle as the preconditioner, from the solution of the
-    one before: about 1 µs per pixel, linear in time and memory.
+    one before: about 0.7 µs per pixel, linear in time and memory. The result is about as far from the converged one
+    as ``tolerance`` (1.2e-3 for 1e-3, 7e-3 for 1e-2, on a photograph with noise).
 
     References
     ----------

@@ -90,10 +90,18 @@ def test_the_published_form_is_the_median_of_neighbours_above_the_bound():
     assert medians.mean() < dilation.mean()
 
 
-def test_the_fast_solver_is_within_its_tolerance(motorcycle):
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"noise_sigma": 0.005},
+        {"noise_sigma": 0.0, "darkest": 0, "saturation": 1, "quantile": 0.5},  # as published, from few values
+        {"noise_sigma": 0.005, "quantile": 0.5, "passes": 2},
+    ],
+)
+def test_the_fast_solver_is_within_its_tolerance(motorcycle, options):
     picture = motorcycle[0][200:290, 300:400]
-    image = hazy(picture, np.full(picture.shape[:2], 0.4, np.float32), GREY)
-    exact, fast = (non_local(image, GREY, noise_sigma=0.005, solver=solver) for solver in ("exact", "fast"))
+    image = np.rint(255 * hazy(picture, np.full(picture.shape[:2], 0.4, np.float32), GREY)).astype(np.float32) / 255
+    exact, fast = (non_local(image, GREY, solver=solver, **options) for solver in ("exact", "fast"))
     assert np.sqrt(np.mean((exact - fast) ** 2)) < 1e-3
 
 

@@ -90,38 +90,55 @@ def _likeness(top, rows, dy, dx, planes, variance, log_t, radius, narrowness, st
     """Weight of the neighbour at one offset, for each pixel of some rows.
 
     The distance of two patches is in units of its expectation from noise alone, which is then taken off. The Gaussian
-    e^−z is (1 − z/16)^16, which has no exponential and ends at z = 16.
+    e^−z is (1 − z/16)^16, which has no exponential and ends at z = 16. Each loop reads few arrays, so that it is
+    vectorised.
     """
     width = weight.shape[1]
-    one = weight.dtype.type(1)
-    share = one / weight.dtype.type(3 * (2 * PATCH + 1) ** 2)
+    real = weight.dtype.type  # one plain number among them would make a loop compute in double precision
+    zero, one, sixteenth = real(0), real(1), real(1 / 16)
+    share = one / real(3 * (2 * PATCH + 1) ** 2)
+    span = width + 2 * PATCH
     column[:] = 0
     for y in range(rows + 2 * PATCH):
         a = top + y + radius
-        for x in range(width + 2 * PATCH):
-            b = x + radius
-            red = planes[0, a, b] - planes[0, a + dy, b + dx]
-            green = planes[1, a, b] - planes[1, a + dy, b + dx]
-            blue = planes[2, a, b] - planes[2, a + dy, b + dx]
-            distance[y, x] = (red * red + green * green + blue * blue) / (variance[a, b] + variance[a + dy, b + dx])
-            column[x] += distance[y, x]
+        here, there = radius, radius + dx
+        row = distance[y]
+        for c in range(3):
+            plane, other = planes[c, a, here : here + span], planes[c, a + dy, there : there + span]
+            if c == 0:
+                for x in range(span):
+                    difference = plane[x] - other[x]
+                    row[x] = difference * difference
+            else:
+                for x in range(span):
+                    difference = plane[x] - other[x]
+                    row[x] += difference * difference
+        plane, other = variance[a, here : here + span], variance[a + dy, there : there + span]
+        for x in range(span):
+            row[x] /= plane[x] + other[x]
+        for x in range(span):
+            column[x] += row[x]
         if y < 2 * PATCH:
             continue
-        a += -PATCH
+        a -= PATCH
+        here, there = here + PATCH, there + PATCH
+        plane, other = log_t[a, here : here + width], log_t[a + dy, there : there + width]
+        row = weight[y - 2 * PATCH]
         for x in range(width):
-            b = x + radius + PATCH
             patch = column[x]
             for i in range(1, 2 * PATCH + 1):
                 patch += column[x + i]
-            step = log_t[a, b] - log_t[a + dy, b + dx]
-            z = max(patch * share - one, 0) * strictness + step * step * narrowness
-            w = max(one - z / 16, 0)
+            row[x] = max(patch * share - one, zero) * strictness
+        for x in range(width):
+            step = plane[x] - other[x]
+            w = max(one - (row[x] + step * step * narrowness) * sixteenth, zero)
             w *= w
             w *= w
             w *= w
-            weight[y - 2 * PATCH, x] = w * w
-        for x in range(width + 2 * PATCH):
-            column[x] -= distance[y - 2 * PATCH, x]
+            row[x] = w * w
+        row = distance[y - 2 * PATCH]
+        for x in range(span):
+            column[x] -= row[x]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
@@ -142,14 +159,16 @@ def _weighted_mean(first, last, planes, variance, log_t, radius, narrowness, str
                     top, rows, dy, dx, planes, variance, log_t, radius, narrowness, strictness, distance, column, weight
                 )
                 for y in range(rows):
-                    a = top + y + margin + dy
+                    a, b = top + y + margin + dy, margin + dx
+                    row, certainty, total = weight[y], variance[a, b : b + width], sums[3, y]
                     for x in range(width):
-                        b = x + margin + dx
-                        w = weight[y, x] / variance[a, b]
-                        sums[3, y, x] += w
-                        sums[0, y, x] += w * planes[0, a, b]
-                        sums[1, y, x] += w * planes[1, a, b]
-                        sums[2, y, x] += w * planes[2, a, b]
+                        row[x] /= certainty[x]
+                    for x in range(width):
+                        total[x] += row[x]
+                    for c in range(3):
+                        plane, total = planes[c, a, b : b + width], sums[c, y]
+                        for x in range(width):
+                            total[x] += row[x] * plane[x]
         for y in range(rows):
             for x in range(width):
                 for c in range(3):

@@ -4,10 +4,13 @@
 
 One cycle of multigrid preconditions the conjugate gradients. A cell of the next grid is 2 × 2 cells of this one; the
 weights between cells add like conductances, in series along the way between two centres and side by side across it.
+
+Every array inside has a ring of one cell around it, to which no edge leads, so that no loop asks where the border is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,19 +19,38 @@ from numba import njit
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 
-SWEEPS = 2
-"""Damped Jacobi sweeps before and after the coarser grid."""
+DAMPINGS = (0.56, 1.39)
+"""Of the two Jacobi sweeps before the coarser grid, and in reverse after it: the inverse roots of the Chebyshev
+polynomial over [1/2, 2], where the errors lie that a coarser grid does not see."""
+SWEEPS_ON_THE_COARSEST = 4
+"""How often both dampings take turns there."""
 COARSEST = 8
 """Cells along the shorter side below which a grid is not halved again."""
 
 
 class Grid(NamedTuple):
-    """Area of the cells, weights to the next column and row (0 at the last), inverse of the diagonal; all (H, W)."""
+    """The operator on one grid, and room for a cycle to work in.
+
+    Attributes
+    ----------
+    area, east, south : (H + 2, W + 2) area of the cells, weights to the next column and row (0 at the last).
+    inverse : (H + 2, W + 2) inverse of the diagonal.
+    right : (C, H + 2, W + 2) right side of the system that a cycle solves.
+    u, other : (C, H + 2, W + 2) its solution, and what a sweep writes to.
+    """
 
     area: FloatArray
     east: FloatArray
     south: FloatArray
     inverse: FloatArray
+    right: FloatArray
+    u: FloatArray
+    other: FloatArray
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Rows and columns without the ring."""
+        return self.area.shape[0] - 2, self.area.shape[1] - 2
 
 
 def smooth(
@@ -48,149 +70,181 @@ def smooth(
     -------
     (C, H, W) float, u.
     """
-    grids = _grids(east, south)
-    u = start.copy()
-    residual = planes - _applied(grids[0], u)
-    direction = preconditioned = _cycle(grids, residual)
-    old = _dots(residual, preconditioned)
+    grids = _grids(_ringed(east), _ringed(south), _ringed(planes))
+    grid, (height, width) = grids[0], grids[0].size
+    operator, residual = grid[:3], grid.right
+    u, image, sums = _ringed(start), np.zeros_like(residual), np.zeros((len(planes), height))
+    in_bands(_apply, height, width, *operator, u, image, sums)
+    residual -= image
+    squares = np.einsum("chw,chw->c", residual, residual)
+    direction, old = np.zeros_like(u), np.zeros(len(u))
     for _ in range(most):
-        if _dots(residual, residual).max() <= tolerance**2 * residual[0].size:
+        if squares.max() <= tolerance**2 * height * width:
             break
-        image = _applied(grids[0], direction)
-        step = _ratio(old, _dots(direction, image))
-        u += step * direction
-        residual -= step * image
-        preconditioned = _cycle(grids, residual)
-        new = _dots(residual, preconditioned)
-        direction = preconditioned + _ratio(new, old) * direction
-        old = new
-    return u
+        preconditioned = _cycle(grids)
+        in_bands(_product, height, width, residual, preconditioned, sums)
+        new = sums.sum(axis=1)
+        in_bands(_turn, height, width, _ratio(new, old, u.dtype), preconditioned, direction)
+        in_bands(_apply, height, width, *operator, direction, image, sums)
+        step = _ratio(new, sums.sum(axis=1), u.dtype)
+        in_bands(_step, height, width, step, direction, image, u, residual, sums)
+        squares, old = sums.sum(axis=1), new
+    return np.ascontiguousarray(u[:, 1:-1, 1:-1])
 
 
-def _dots(first: FloatArray, other: FloatArray) -> np.ndarray:
-    """Scalar product of each plane, summed in one order whatever the number of threads."""
-    return np.einsum("chw,chw->ch", first, other).sum(axis=1, dtype=np.float64)
+def _ringed(array: FloatArray) -> FloatArray:
+    """With a ring of zeros around the last two axes."""
+    ringed = np.zeros((*array.shape[:-2], array.shape[-2] + 2, array.shape[-1] + 2), array.dtype)
+    ringed[..., 1:-1, 1:-1] = array
+    return ringed
 
 
-def _ratio(numerator: np.ndarray, denominator: np.ndarray) -> FloatArray:
+def _ratio(numerator: np.ndarray, denominator: np.ndarray, dtype: np.dtype) -> FloatArray:
     """A factor for each plane; 0 for a plane that is solved already."""
-    quotient = np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0)
-    return quotient[:, None, None].astype(np.float32)
+    return np.divide(numerator, denominator, out=np.zeros_like(numerator), where=denominator > 0).astype(dtype)
 
 
-def _grids(east: FloatArray, south: FloatArray) -> list[Grid]:
-    area = np.ones_like(east)
+def _grids(east: FloatArray, south: FloatArray, right: FloatArray) -> list[Grid]:
+    area = np.zeros_like(east)
+    area[1:-1, 1:-1] = 1
     grids = []
     while True:
-        inverse = np.empty_like(east)
-        in_bands(_diagonal, *east.shape, area, east, south, inverse)
-        grids.append(Grid(area, east, south, inverse))
-        if min(east.shape) < COARSEST:
+        grid = Grid(area, east, south, np.zeros_like(east), right, np.zeros_like(right), np.zeros_like(right))
+        height, width = grid.size
+        in_bands(_diagonal, height, width, *grid[:4])
+        grids.append(grid)
+        if min(height, width) < COARSEST:
             return grids
-        height, width = (-(-size // 2) for size in east.shape)
-        coarse = [np.zeros((height, width), east.dtype) for _ in range(3)]
+        height, width = -(-height // 2), -(-width // 2)
+        coarse = [np.zeros((height + 2, width + 2), east.dtype) for _ in range(3)]
         in_bands(_coarsen, height, width, area, east, south, *coarse)
-        area, east, south = coarse
+        (area, east, south), right = coarse, np.zeros((len(right), height + 2, width + 2), right.dtype)
 
 
-def _cycle(grids: list[Grid], residual: FloatArray) -> FloatArray:
-    """An approximate solution by one V-cycle; linear in the residual, symmetric and positive."""
+def _cycle(grids: list[Grid]) -> FloatArray:
+    """An approximate solution by one V-cycle; linear in the right side, symmetric and positive."""
     grid, *coarser = grids
-    u = np.float32(DAMPING) * grid.inverse * residual
-    u = _swept(grid, residual, u, SWEEPS - 1 if coarser else 4 * SWEEPS - 1)
+    real = grid.u.dtype.type
     if not coarser:
-        return u
-    height, width = coarser[0].area.shape
-    left = np.zeros((residual.shape[0], height, width), residual.dtype)
-    in_bands(_restrict, height, width, u, residual, grid.area, grid.east, grid.south, left)
-    correction = _cycle(coarser, left)
-    in_bands(_correct, grid.area.shape[0], grid.area.shape[1], correction, u)
-    return _swept(grid, residual, u, SWEEPS)
+        first, *others = DAMPINGS * SWEEPS_ON_THE_COARSEST + DAMPINGS[::-1] * SWEEPS_ON_THE_COARSEST
+        in_bands(_sweep_from_zero, *grid.size, grid.inverse, grid.right, real(first), grid.u)
+        return _swept(grid, grid.u, grid.other, others)
+    first, *others = DAMPINGS
+    in_bands(_sweep_from_zero, *grid.size, grid.inverse, grid.right, real(first), grid.u)
+    u = _swept(grid, grid.u, grid.other, others)
+    in_bands(_restrict, *coarser[0].size, *grid[:3], grid.right, u, coarser[0].right)
+    in_bands(_correct, *grid.size, _cycle(coarser), u)
+    return _swept(grid, u, grid.u if u is grid.other else grid.other, DAMPINGS[::-1])
 
 
-DAMPING = 0.8
-
-
-def _swept(grid: Grid, residual: FloatArray, u: FloatArray, sweeps: int) -> FloatArray:
-    other = np.empty_like(u)
-    for _ in range(sweeps):
-        in_bands(_sweep, *u.shape[1:], *grid, residual, u, np.float32(DAMPING), other)
+def _swept(grid: Grid, u: FloatArray, other: FloatArray, dampings: Sequence[float]) -> FloatArray:
+    """After Jacobi sweeps, which write to ``other`` and ``u`` in turn."""
+    for damping in dampings:
+        in_bands(_sweep, *grid.size, *grid[:5], u, u.dtype.type(damping), other)
         u, other = other, u
     return u
 
 
-def _applied(grid: Grid, u: FloatArray) -> FloatArray:
-    image = np.empty_like(u)
-    in_bands(_apply, *u.shape[1:], *grid[:3], u, image)
-    return image
+@njit(nogil=True, cache=True, error_model="numpy", inline="always")
+def _row(area, east, south, u, y, image):
+    """The operator on row y: area·u plus the flow out over four edges. Loops of few arrays are vectorised."""
+    for x in range(1, image.size - 1):
+        image[x] = (
+            area[y, x] * u[y, x] + south[y, x] * (u[y, x] - u[y + 1, x]) + south[y - 1, x] * (u[y, x] - u[y - 1, x])
+        )
+    for x in range(1, image.size - 1):
+        image[x] += east[y, x] * (u[y, x] - u[y, x + 1]) + east[y, x - 1] * (u[y, x] - u[y, x - 1])
 
 
-@njit(nogil=True, cache=True, inline="always")
-def _image(area, east, south, plane, y, x):
-    """The operator at one cell: area·u plus the flow out over its four edges."""
-    height, width = area.shape
-    u = plane[y, x]
-    value = area[y, x] * u
-    if x + 1 < width:
-        value += east[y, x] * (u - plane[y, x + 1])
-    if x > 0:
-        value += east[y, x - 1] * (u - plane[y, x - 1])
-    if y + 1 < height:
-        value += south[y, x] * (u - plane[y + 1, x])
-    if y > 0:
-        value += south[y - 1, x] * (u - plane[y - 1, x])
-    return value
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _apply(first, last, area, east, south, u, image, sums):
+    """The operator on u, and u times that in each row."""
+    for y in range(first + 1, last + 1):
+        for c in range(u.shape[0]):
+            _row(area, east, south, u[c], y, image[c, y])
+            total = u.dtype.type(0)
+            for x in range(1, u.shape[2] - 1):
+                total += u[c, y, x] * image[c, y, x]
+            sums[c, y - 1] = total
 
 
-@njit(nogil=True, cache=True)
-def _apply(first, last, area, east, south, u, image):
-    for c in range(u.shape[0]):
-        for y in range(first, last):
-            for x in range(u.shape[2]):
-                image[c, y, x] = _image(area, east, south, u[c], y, x)
-
-
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
 def _sweep(first, last, area, east, south, inverse, residual, u, damping, swept):
-    for c in range(u.shape[0]):
-        for y in range(first, last):
-            for x in range(u.shape[2]):
-                left = residual[c, y, x] - _image(area, east, south, u[c], y, x)
-                swept[c, y, x] = u[c, y, x] + damping * inverse[y, x] * left
+    image = np.empty(area.shape[1], u.dtype)
+    for y in range(first + 1, last + 1):
+        for c in range(u.shape[0]):
+            _row(area, east, south, u[c], y, image)
+            for x in range(1, image.size - 1):
+                swept[c, y, x] = u[c, y, x] + damping * inverse[y, x] * (residual[c, y, x] - image[x])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
+def _sweep_from_zero(first, last, inverse, residual, damping, swept):
+    for y in range(first + 1, last + 1):
+        for c in range(swept.shape[0]):
+            for x in range(1, swept.shape[2] - 1):
+                swept[c, y, x] = damping * inverse[y, x] * residual[c, y, x]
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _product(first, last, one, other, sums):
+    """Scalar product of each row."""
+    for y in range(first + 1, last + 1):
+        for c in range(one.shape[0]):
+            total = one.dtype.type(0)
+            for x in range(1, one.shape[2] - 1):
+                total += one[c, y, x] * other[c, y, x]
+            sums[c, y - 1] = total
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _turn(first, last, ratio, preconditioned, direction):
+    for y in range(first + 1, last + 1):
+        for c in range(direction.shape[0]):
+            for x in range(1, direction.shape[2] - 1):
+                direction[c, y, x] = preconditioned[c, y, x] + ratio[c] * direction[c, y, x]
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _step(first, last, step, direction, image, u, residual, sums):
+    """Along the direction; and the squares of what is left, in each row."""
+    for y in range(first + 1, last + 1):
+        for c in range(u.shape[0]):
+            total = u.dtype.type(0)
+            for x in range(1, u.shape[2] - 1):
+                u[c, y, x] += step[c] * direction[c, y, x]
+                left = residual[c, y, x] - step[c] * image[c, y, x]
+                residual[c, y, x] = left
+                total += left * left
+            sums[c, y - 1] = total
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def _diagonal(first, last, area, east, south, inverse):
-    for y in range(first, last):
-        for x in range(area.shape[1]):
-            value = area[y, x] + east[y, x] + south[y, x]
-            if x > 0:
-                value += east[y, x - 1]
-            if y > 0:
-                value += south[y - 1, x]
-            inverse[y, x] = 1 / value
+    for y in range(first + 1, last + 1):
+        for x in range(1, area.shape[1] - 1):
+            inverse[y, x] = 1 / (area[y, x] + east[y, x] + east[y, x - 1] + south[y, x] + south[y - 1, x])
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def _coarsen(first, last, area, east, south, coarse_area, coarse_east, coarse_south):
-    height, width = area.shape
-    for y in range(first, last):
-        for x in range(coarse_area.shape[1]):
-            for j in range(2 * y, min(2 * y + 2, height)):
-                for i in range(2 * x, min(2 * x + 2, width)):
-                    coarse_area[y, x] += area[j, i]
-                i = 2 * x + 1
-                if i + 1 < width and east[j, i] > 0:
-                    coarse_east[y, x] += _in_series(east[j, i - 1], east[j, i], east[j, i + 1])
-            for i in range(2 * x, min(2 * x + 2, width)):
-                j = 2 * y + 1
-                if j + 1 < height and south[j, i] > 0:
-                    coarse_south[y, x] += _in_series(south[j - 1, i], south[j, i], south[j + 1, i])
+    """Cells j and j + 1, i and i + 1 of this grid are cell (y, x) of the next; the ring stands in for a missing one."""
+    bottom, right = area.shape[0] - 1, area.shape[1] - 1
+    for y in range(first + 1, last + 1):
+        for x in range(1, coarse_area.shape[1] - 1):
+            j, i = 2 * y - 1, 2 * x - 1
+            under, after = min(j + 2, bottom), min(i + 2, right)
+            for k in range(2):
+                coarse_east[y, x] += _in_series(east[j + k, i], east[j + k, i + 1], east[j + k, after])
+                coarse_south[y, x] += _in_series(south[j, i + k], south[j + 1, i + k], south[under, i + k])
+                coarse_area[y, x] += area[j + k, i] + area[j + k, i + 1]
 
 
 @njit(nogil=True, cache=True, inline="always")
 def _in_series(before, across, after):
     """Conductance of half an edge, an edge and half an edge; one that is not there has no resistance."""
+    if across <= 0:
+        return across
     resistance = 1 / across
     if before > 0:
         resistance += 0.5 / before
@@ -199,20 +253,24 @@ def _in_series(before, across, after):
     return 1 / resistance
 
 
-@njit(nogil=True, cache=True)
-def _restrict(first, last, u, residual, area, east, south, coarse):
-    height, width = area.shape
-    for c in range(u.shape[0]):
-        for y in range(first, last):
-            for x in range(coarse.shape[2]):
-                for j in range(2 * y, min(2 * y + 2, height)):
-                    for i in range(2 * x, min(2 * x + 2, width)):
-                        coarse[c, y, x] += residual[c, j, i] - _image(area, east, south, u[c], j, i)
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _restrict(first, last, area, east, south, residual, u, coarse):
+    """What is left of the residual, added up over the cells of the next grid."""
+    image, left = np.empty(area.shape[1], u.dtype), np.zeros(2 * coarse.shape[2], u.dtype)
+    for y in range(first + 1, last + 1):
+        for c in range(u.shape[0]):
+            left[:] = 0
+            for j in range(2 * y - 1, min(2 * y + 1, area.shape[0] - 1)):
+                _row(area, east, south, u[c], j, image)
+                for x in range(1, image.size - 1):
+                    left[x] += residual[c, j, x] - image[x]
+            for x in range(1, coarse.shape[2] - 1):
+                coarse[c, y, x] = left[2 * x - 1] + left[2 * x]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def _correct(first, last, coarse, u):
-    for c in range(u.shape[0]):
-        for y in range(first, last):
-            for x in range(u.shape[2]):
-                u[c, y, x] += coarse[c, y // 2, x // 2]
+    for y in range(first + 1, last + 1):
+        for c in range(u.shape[0]):
+            for x in range(1, u.shape[2] - 1):
+                u[c, y, x] += coarse[c, (y + 1) // 2, (x + 1) // 2]
