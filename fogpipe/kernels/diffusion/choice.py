@@ -35,6 +35,8 @@ SMALLEST_SHARE = 1e-5
 """Less is lost in the rounding of float32."""
 FEWEST_PIXELS = 65_536
 """A smaller layer is quick to do on the pixels, and its cells would soon be few."""
+MOST_CELLS = 0.19
+"""For each pixel, as estimated. More were seen to take more memory than three layers."""
 ROUGHEST = 0.5
 """Step between neighbours over the variation, above which a layer is no photograph: 0.1 to 0.3 there, 1 in noise."""
 
@@ -100,13 +102,16 @@ def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float
     whole = on_pixels(largest, tolerance / (OF_DETAIL * detail))
     plans = [(float(whole.stretches * degree_for(8 * largest / whole.stretches, whole.share)), whole)]
     if scale.size >= FEWEST_PIXELS:
-        rates = (_some(scale)[:, ::4] ** 2 - finest**2) / 2
+        rates = (_some(scale) ** 2 - finest**2) / 2
         for clip, missed in MISSED.items():
             left = tolerance**2 - (missed * detail) ** 2
             if clip < largest and left > 0:
                 plan = Plan(clip, 1, _bounded(math.sqrt(left) / (OF_DETAIL * detail)))
+                on_grid_degree, degree = (degree_for(8 * each, plan.share) for each in (clip, CAP * clip))
+                cells, others = _cells(rates, clip, on_grid_degree)
                 # In steps on the pixels, of which a step of as many cells takes two, and to set up the cells eight.
-                plans.append((8 + 2 * _cells(rates, clip) * degree_for(8 * CAP * clip, plan.share), plan))
+                if cells <= MOST_CELLS:
+                    plans.append((8 + 2 * cells * degree + others * on_grid_degree, plan))
     return min(plans)[1]
 
 
@@ -130,9 +135,16 @@ def _moving(scale: FloatArray, finest: float) -> tuple[slice, slice]:
     return sides[0], sides[1]
 
 
-def _cells(rates: FloatArray, clip: float) -> float:
-    """Cells for each pixel: one of 4^k pixels where the rate is up to 4^k clips."""
-    return float(np.mean(0.25 ** np.ceil(np.log(np.maximum(rates / clip, 1)) / math.log(4))))
+def _cells(rates: FloatArray, clip: float, reach: int) -> tuple[float, float]:
+    """Cells for each pixel, one of 4^k pixels where the rate is up to 4^k clips; and the share of pixels far from them.
+
+    Of lines, so the reach is doubled for what comes from above and below.
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    near = maximum_filter1d(rates > clip, 4 * reach + 1, axis=1)
+    sizes = 0.25 ** np.ceil(np.log(np.maximum(rates / clip, 1)) / math.log(4))
+    return float(np.mean(sizes * near)), 1 - float(np.mean(near))
 
 
 def _variation(layer: FloatArray) -> float:
