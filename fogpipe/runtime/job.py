@@ -89,7 +89,10 @@ def run_job(
             plan, request, options, described, inputs.notes, result, files, time.perf_counter() - started
         )
         (draft / RECORD_NAME).write_text(strict_json(record), encoding="utf-8")
-        publish(draft, folder)
+        removed = publish(draft, folder)
+    if removed:
+        text = f"{folder} held an earlier run, of which {', '.join(removed)} are gone; -o gives each run a folder."
+        record["notes"] = [*record["notes"], text]
     return record
 
 

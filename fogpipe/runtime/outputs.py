@@ -95,18 +95,23 @@ def staging(folder: Path) -> Iterator[Path]:
         raise OutputError(f"cannot write to {folder}: {error.strerror or error}. Nothing there was changed.") from error
 
 
-def publish(draft: Path, folder: Path) -> None:
-    """Move complete files from ``draft`` into ``folder``: the old record goes first, the new one comes last."""
+def publish(draft: Path, folder: Path) -> list[str]:
+    """Move complete files from ``draft`` into ``folder``: the old record goes first, the new one comes last.
+
+    A folder holds one run. Files of an older one that the new run does not replace are removed, and returned.
+    """
     if (folder / RECORD_NAME).is_dir():
         raise OutputError(f"cannot write {folder / RECORD_NAME}: it is a folder. Choose another folder with -o.")
     with _alone_in(folder):
         old = _files_of_record(folder)
         (folder / RECORD_NAME).unlink(missing_ok=True)
         names = sorted((path.name for path in draft.iterdir()), key=lambda name: name == RECORD_NAME)
-        for name in old - set(names):
+        removed = sorted(old - set(names))
+        for name in removed:
             (folder / name).unlink(missing_ok=True)
         for name in names:
             os.replace(draft / name, folder / name)
+    return removed
 
 
 @contextlib.contextmanager

@@ -40,6 +40,8 @@ class Result(Mapping[str, np.ndarray]):
     peak_bytes: int = 0
 
     def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.outputs:
+            raise KeyError(f'there is no output "{name}" here; there is: {", ".join(self.outputs)}')
         return self.outputs[name]
 
     def __iter__(self) -> Iterator[str]:

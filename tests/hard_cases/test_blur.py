@@ -136,3 +136,17 @@ def test_a_blur_wider_than_any_picture_stays_between_the_values():
     blurred = diffusion(layer, np.full((60, 70), 400, np.float32))
     # 400 px over 70 px leaves the mean; rounding errors of some 150 stretches of single precision add to 1e-5.
     np.testing.assert_allclose(blurred, np.broadcast_to(layer.mean((0, 1)), layer.shape), atol=1e-4)
+
+
+@pytest.mark.parametrize("shape", [(40, 50), (300, 330)])
+def test_nothing_is_blurred_at_once_however_wide(shape):
+    """Air that lets nothing through leaves an empty layer, and a blur of thousands of pixels."""
+    layer = np.zeros((*shape, 4), np.float32)
+    np.testing.assert_array_equal(diffusion(layer, np.full(shape, 7000, np.float32)), 0)
+
+
+def test_a_photograph_that_is_blurred_away_leaves_its_mean():
+    noise = np.random.default_rng(10).random((300, 330, 4), dtype=np.float32) - 0.5
+    layer = noise.cumsum(axis=0).cumsum(axis=1) / 300
+    blurred = diffusion(layer, np.full((300, 330), 7000, np.float32))
+    np.testing.assert_allclose(blurred, np.broadcast_to(layer.mean((0, 1)), layer.shape), atol=2e-3)  # the tolerance

@@ -29,6 +29,10 @@ OF_DETAIL = 0.52
 """Error of a polynomial over its share and the detail of a photograph: on eight 0.23 to 0.45."""
 STEADY_RATE = 512.0
 """Up to here (a blur of 32 px) the rounding errors of one polynomial stay below 1e-5; at 80 px they would be 1e-2."""
+LONGEST_RATE = 4096.0
+"""Of a polynomial of the reference (a blur of 90 px): to find one of a higher degree takes too long."""
+ENOUGH = 2
+"""Blurs of as many times the length of the layer leave 3e-9 of any pattern; wider ones would only take longer."""
 LARGEST_SHARE = 0.15
 """More would leave texture where the tolerance would not notice but an eye would."""
 SMALLEST_SHARE = 1e-5
@@ -59,6 +63,8 @@ class Plan(NamedTuple):
 def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) -> FloatArray:
     """Diffuse so that the root-mean-square error is at most ``tolerance`` (float32: 1e-5 of the variation or more)."""
     layer, scale = prepared(layer, scale, finest)
+    if scale.max() > ENOUGH * max(scale.shape):
+        scale = np.minimum(scale, scale.dtype.type(ENOUGH * max(scale.shape)))
     if scale.size < FEWEST_PIXELS and layer.dtype == np.float32:
         # Costs next to nothing, and in a few pixels the rounding of hundreds of steps would not average out.
         return auto(layer.astype(np.float64), scale, finest, tolerance).astype(np.float32)
@@ -76,7 +82,8 @@ def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) 
 def reference(layer: np.ndarray, scale: np.ndarray, finest: float) -> FloatArray:
     """The equation itself, in float64: at most 1e-9 of any pattern is left out. About 300 steps for 25 px."""
     layer, scale = prepared(layer.astype(np.float64), scale, finest)
-    return follow(Plan(math.inf, 1, 1e-9), layer, scale, finest)
+    stretches = max(1, math.ceil((float(scale.max()) ** 2 - finest**2) / 2 / LONGEST_RATE))
+    return follow(Plan(math.inf, stretches, 1e-9 / stretches), layer, scale, finest)
 
 
 def follow(plan: Plan, layer: FloatArray, scale: FloatArray, finest: float) -> FloatArray:
@@ -94,11 +101,12 @@ def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float
     """The cheapest plan that meets a tolerance."""
     variation, widest = _variation(layer), float(scale.max())
     largest = (widest**2 - finest**2) / 2
-    if variation == 0 or largest <= 0:
+    if largest <= 0:
         return Plan(math.inf, 1, LARGEST_SHARE)
     if _roughness(layer) > ROUGHEST * variation:
-        return on_pixels(largest, 0.95 * tolerance / variation)
-    detail = max(_detail(layer, widest), 1e-6 * variation)
+        detail = variation / OF_DETAIL  # no less than it can be: the share of a polynomial is then a strict bound
+    else:
+        detail = max(_detail(layer, widest), 1e-6 * variation, 1e-3 * tolerance)
     whole = on_pixels(largest, tolerance / (OF_DETAIL * detail))
     plans = [(float(whole.stretches * degree_for(8 * largest / whole.stretches, whole.share)), whole)]
     if scale.size >= FEWEST_PIXELS:
@@ -149,7 +157,7 @@ def _cells(rates: FloatArray, clip: float, reach: int) -> tuple[float, float]:
 
 def _variation(layer: FloatArray) -> float:
     """Standard deviation of a channel, root mean square of the channels; of some pixels of a large layer."""
-    channels = np.ascontiguousarray(_some(layer)[:, :: 2 if layer.shape[1] > 64 else 1].reshape(-1, 4).T)
+    channels = np.ascontiguousarray(_some(layer)[:, :: 2 if layer.shape[1] >= 512 else 1].reshape(-1, 4).T)
     return math.sqrt(float(channels.var(axis=1, dtype=np.float64).mean()))
 
 
