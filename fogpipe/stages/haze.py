@@ -197,8 +197,8 @@ def contrast_corrected(
 
     Haze of the same thickness scales the deviation and the mean of q alike, so ρ belongs to the scene. Where it is low
     (a road, a wall, the sky) the darkest pixel of a neighbourhood is as bright as the rest, and priors that look for
-    black take the thing for haze; where it is high (leaves) there is black. The factor 1 − k t trusts thin haze less than
-    dense: its scene is farther from the airlight, so that a transmission too low does the more harm there.
+    black take the thing for haze; where it is high (leaves) there is black. The factor 1 − k t trusts thin haze less
+    than dense: its scene is farther from the airlight, so that a transmission too low does the more harm there.
 
     Parameters
     ----------

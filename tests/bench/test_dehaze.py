@@ -87,6 +87,6 @@ def test_a_sheet_for_each_scene(tmp_path, monkeypatch):
     monkeypatch.setattr(dehaze, "METHODS", {"hazy input": METHODS["hazy input"]})
     draw = bench.pictures("dehaze")
     assert draw is not None
-    draw(tmp_path, True)
+    draw(tmp_path, True, [])
     assert {path.name for path in tmp_path.iterdir()} == {"dehaze-motorcycle.png", "dehaze-outdoor-1.png"}
     assert bench.pictures("overhead") is None
