@@ -158,7 +158,7 @@ def test_haze_of_one_thickness_leaves_the_contrast_as_it_was():
     scene = street(seed=3)[0] * 0.5
     thin, thick = np.full(scene.shape[:2], 0.4, np.float32), np.full(scene.shape[:2], 0.2, np.float32)
     # The constants 0.01 and 0.05 that keep ρ finite weigh twice as much behind the thicker haze: a few per cent.
-    options = {"noise_sigma": 0.0, "interplay": 0.0, "offset": 0.0, "slope": -0.3}
+    options = {"noise_sigma": 0.0, "interplay": 0.0, "offset": 0.0, "slope": -0.3, "shrinkage": 0.0}
     first, second = (np.log(contrast_corrected(hazy(scene, t, GREY), GREY, t, **options) / t) for t in (thin, thick))
     np.testing.assert_allclose(first, second, atol=0.05)
 
@@ -177,10 +177,22 @@ def test_an_even_surface_is_not_taken_for_haze_and_leaves_are():
 def test_without_coefficients_the_transmission_stays_and_the_bound_holds():
     scene, t = street()
     image = hazy(scene, t, GREY)
-    options = {"noise_sigma": 0.0, "slope": 0.0, "interplay": 0.0}
+    options = {"noise_sigma": 0.0, "slope": 0.0, "interplay": 0.0, "shrinkage": 0.0}
     np.testing.assert_allclose(contrast_corrected(image, GREY, t, offset=0.0, **options), t, rtol=1e-6)  # exp(log t)
     lowered = contrast_corrected(image, GREY, t, offset=-5.0, **options)
     assert (lowered >= np.minimum(t, lower_bound(image, GREY, floor=0.02)) * (1 - 1e-6)).all()  # float32
+
+
+def test_thin_haze_is_trusted_less_than_dense():
+    scene = street()[0]
+    t = np.linspace(0.05, 1, scene.shape[1], dtype=np.float32)[None].repeat(len(scene), 0)
+    none = {"noise_sigma": 0.0, "offset": 0.0, "slope": 0.0, "interplay": 0.0}
+    kept = contrast_corrected(hazy(scene, t, GREY), GREY, t, **none, shrinkage=0.0)
+    shrunk = contrast_corrected(hazy(scene, t, GREY), GREY, t, **none, shrinkage=0.5)
+    taken = 1 - np.log(shrunk[0, :-1]) / np.log(kept[0, :-1])  # the last pixel has no haze to lose
+    np.testing.assert_allclose(taken, 0.5 * kept[0, :-1], atol=1e-5)  # float32, divided by a logarithm near 0
+    assert (np.diff(shrunk[0]) > 0).all()  # what is clearer stays clearer
+    assert shrunk[0, -1] == 1
 
 
 def test_noise_is_not_taken_for_contrast():
