@@ -14,14 +14,14 @@ from fogpipe.errors import OutputError
 from fogpipe.runtime.outputs import RECORD_NAME, file_digest, publish, staging
 
 
-def write_run(folder: Path, files: dict[str, str]) -> None:
-    """Publish text files and a record of them."""
+def write_run(folder: Path, files: dict[str, str]) -> list[str]:
+    """Publish text files and a record of them; what went is returned."""
     with staging(folder) as draft:
         for name, text in files.items():
             (draft / name).write_text(text)
         outputs = {name: {"file": name, "sha256": file_digest(draft / name)} for name in files}
         (draft / RECORD_NAME).write_text(json.dumps({"outputs": outputs, "options": {"sheet": False}}))
-        publish(draft, folder)
+        return publish(draft, folder)
 
 
 def names(folder: Path) -> set[str]:
@@ -29,8 +29,8 @@ def names(folder: Path) -> set[str]:
 
 
 def test_files_of_an_older_run_go_when_the_new_ones_come(tmp_path: Path):
-    write_run(tmp_path, {"a.png": "old", "b.npy": "old"})
-    write_run(tmp_path, {"a.png": "new"})
+    assert write_run(tmp_path, {"a.png": "old", "b.npy": "old"}) == []
+    assert write_run(tmp_path, {"a.png": "new"}) == ["b.npy"]
     assert names(tmp_path) == {"a.png", RECORD_NAME}
     assert (tmp_path / "a.png").read_text() == "new"
 
