@@ -295,7 +295,7 @@ def test_real_photographs_survive_a_lossless_round_trip(shared_data: Path):
 
 def test_levels_that_were_made_floats_are_refused_and_hdr_is_not():
     levels = np.random.default_rng(0).integers(0, 256, (8, 9, 3))
-    with pytest.raises(InputError, match="whole numbers up to 2.. as float32, but 1 is white"):
+    with pytest.raises(InputError, match=r"whole numbers up to 2.. as float32, but 1 is white"):
         picture_from_array(levels.astype(np.float32))
     for fine in (levels.astype(np.uint8), levels / 255, levels + 0.5, np.ones((8, 9, 3))):
         assert picture_from_array(fine).pixels.shape == (8, 9, 3)
