@@ -130,15 +130,9 @@ def picture_from_array(array: np.ndarray, *, color: Color = "linear") -> Picture
     Raises
     ------
     InputError
-        For another shape or dtype, an empty array, or NaN or infinity; and for floats that are 8- or 16-bit levels,
-        whole numbers of which one is at least 16, since 1 is white.
+        For another shape or dtype, an empty array, or NaN or infinity.
     """
     light = "srgb" if array.dtype.kind == "u" else "working"
-    if array.dtype.kind == "f" and array.size > 64 and 16 <= array.max() <= 65535 and np.all(array == np.floor(array)):
-        raise InputError(
-            f"the array holds whole numbers up to {array.max():g} as {array.dtype}, but 1 is white: pass levels as"
-            " uint8 or uint16, or floats of linear light."
-        )
     try:
         return _picture(Raster(array, light, f"{array.dtype} array of shape {array.shape}"), color)
     except InputError as error:

@@ -128,7 +128,7 @@ def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
     """Take the inputs that a plan needs from arrays or numbers.
 
     Pictures of integers are sRGB display values and are brought to the pipeline's working space;
-    pictures of floats are working values already.
+    pictures of floats are working values already, and refused where they are levels, since 1 is white.
     """
     for name in arrays:
         if name not in plan.graph.inputs:
@@ -141,8 +141,14 @@ def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
         if plan.graph.inputs[name].name == "Image":
             from fogpipe.io.images import picture_from_array
 
+            array = np.asarray(arrays[name])
+            if _are_levels(array):
+                raise InputError(
+                    f"input {name} holds whole numbers up to {array.max():g} as {array.dtype}, but 1 is white: pass levels"
+                    " as uint8 or uint16, or floats of linear light."
+                )
             try:
-                picture = picture_from_array(np.asarray(arrays[name]), color=plan.graph.color)
+                picture = picture_from_array(array, color=plan.graph.color)
             except InputError as error:
                 raise InputError(f"input {name}: {error}") from error
             values[name] = picture.pixels
@@ -150,6 +156,11 @@ def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
         else:
             values[name] = np.asarray(arrays[name])
     return Inputs(checked(plan, values, given_by="argument"), dict.fromkeys(values, "array"), alpha)
+
+
+def _are_levels(array: np.ndarray) -> bool:
+    """Whether floats are 8- or 16-bit levels: whole numbers, one of them 16 or more."""
+    return array.dtype.kind == "f" and array.size > 64 and 16 <= array.max() <= 65535 and not (array % 1).any()
 
 
 def checked(

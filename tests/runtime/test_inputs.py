@@ -13,7 +13,7 @@ from fogpipe.errors import InputError
 from fogpipe.pipeline.graph import Graph
 from fogpipe.pipeline.plan import Plan
 from fogpipe.ports import known_kinds
-from fogpipe.runtime.inputs import Request, inputs_from_request
+from fogpipe.runtime.inputs import Request, inputs_from_arrays, inputs_from_request
 
 KINDS = {"image": "Image", "range_map": "Range", "camera": "Camera", "k": "Coefficient"}
 HEIGHT, WIDTH = 6, 8
@@ -192,3 +192,11 @@ class TestRequestAsData:
 
     def test_a_sample_is_no_path(self, folder):
         assert Request("sample:motorcycle").to_data(plan().graph.inputs)["scene"] == "sample:motorcycle"
+
+
+def test_levels_that_were_made_floats_are_refused_and_hdr_is_not():
+    levels = np.random.default_rng(0).integers(0, 256, (HEIGHT, WIDTH, 3))
+    with pytest.raises(InputError, match=r"input image holds whole numbers up to 25. as float32, but 1 is white"):
+        inputs_from_arrays(plan("image"), {"image": levels.astype(np.float32)})
+    for fine in (levels.astype(np.uint8), levels / 255, levels + 0.5, np.ones((HEIGHT, WIDTH, 3))):
+        assert inputs_from_arrays(plan("image"), {"image": fine}).values["image"].shape == (HEIGHT, WIDTH, 3)
