@@ -144,8 +144,8 @@ def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
             array = np.asarray(arrays[name])
             if _are_levels(array):
                 raise InputError(
-                    f"input {name} holds whole numbers up to {array.max():g} as {array.dtype}, but 1 is white: pass levels"
-                    " as uint8 or uint16, or floats of linear light."
+                    f"input {name} holds whole numbers up to {array.max():g} as {array.dtype}, but 1 is white: pass"
+                    " levels as uint8 or uint16, or floats of linear light."
                 )
             try:
                 picture = picture_from_array(array, color=plan.graph.color)
