@@ -232,11 +232,10 @@ def diffusion(
     -----
     ``"auto"`` joins pixels to larger cells where the blur is wide, never across a wall of the scale, and steps all
     cells together by one Chebyshev polynomial; pixels far from larger cells are stepped in tiles, and rates of 0 cost a
-    copy.
-    It chooses size of cells and degree by what cells missed on nine scenes, which is no bound; for a layer rougher than
-    a photograph, or below 65 536 pixels, it stays on the pixels, where its bound is strict. Values may overshoot the
-    least and the largest by a few per cent of their difference. Memory: 1.5 to 3 layers more than the result, up to 5
-    where the scale is torn everywhere.
+    copy. It chooses size of cells and degree by what cells missed on nine scenes, which is no bound; below 65 536
+    pixels it stays on the pixels, and there a layer rougher than a photograph has a strict one. Values may overshoot
+    the least and the largest by a few per cent of their difference. Memory: 1.5 to 2.5 layers more than the result on
+    photographs, up to 5 where the scale is torn everywhere.
 
     ``"invariant-corrected"`` adds the variance that the scale asks for, at 1.23 times the steps. ``"fed"`` is Fast
     Explicit Diffusion in four cycles, ``"adi"`` eight implicit steps of tridiagonal systems, ``"reference"`` the
