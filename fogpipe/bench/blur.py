@@ -18,7 +18,7 @@ import numpy as np
 from fogpipe.bench.chart import curves
 from fogpipe.bench.table import Row
 from fogpipe.bench.timing import alternating
-from fogpipe.io.atomic import atomic_write
+from fogpipe.io.atomic import atomic_write_text
 from fogpipe.io.scenes import open_scene
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.diffusion import SOLVERS, reference
@@ -65,8 +65,7 @@ def draw(folder: Path, quick: bool, rows: Sequence[Row]) -> None:
     ):
         lines = {way: line(way, value) for way in ways}
         text = curves(title, ("standard deviation of the blur, px", sigmas), up, lines)
-        with atomic_write(folder / f"blur-figure-{name}.svg") as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        atomic_write_text(folder / f"blur-figure-{name}.svg", text)
 
 
 def premultiplied(name: str, height: int, width: int) -> tuple[FloatArray, FloatArray]:

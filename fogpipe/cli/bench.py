@@ -23,33 +23,27 @@ def command(
 ) -> None:
     """Measure speed against error, as ratios to a named yardstick in this process."""
     from fogpipe.bench import chart, table
+    from fogpipe.io.atomic import atomic_write_text
 
     if subject not in bench.SUBJECTS:
         raise RequestError(f'bench: there is no subject "{subject}"; there is: {", ".join(bench.SUBJECTS)}.')
+    if out:
+        out.mkdir(parents=True, exist_ok=True)
     rows = []
     for row in bench.subject(subject)(quick):
         rows.append(row)
         typer.echo(table.as_line(row), err=True)
         if out:  # a long measurement that is ended early leaves what it has found
-            write(out / f"{subject}.csv", table.as_csv(rows))
+            atomic_write_text(out / f"{subject}.csv", table.as_csv(rows))
     typer.echo("\n" + table.as_text(rows), err=True, nl=False)
     if as_json:
         typer.echo(table.as_json(rows), nl=False)
     if out:
-        write(out / f"{subject}.json", table.as_json(rows))
+        atomic_write_text(out / f"{subject}.json", table.as_json(rows))
         for case in dict.fromkeys(row.case for row in rows):
             # A picture says something where several ways are compared in both time and error.
             if sum(1 for row in rows if row.case == case and row.error and row.ratio) > 1:
                 name = "-".join(re.findall(r"[\w.]+", f"{subject} {case}"))
-                write(out / f"{name}.svg", chart.time_against_error(rows, case))
+                atomic_write_text(out / f"{name}.svg", chart.time_against_error(rows, case))
         if draw := bench.pictures(subject):
             draw(out, quick, rows)
-
-
-def write(path: Path, text: str) -> None:
-    """A whole file or none."""
-    from fogpipe.io.atomic import atomic_write
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")

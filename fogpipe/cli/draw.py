@@ -21,7 +21,7 @@ def command(
     plugins: o.Plugins = None,
 ) -> None:
     """Draw a pipeline, with the kind of value on every edge."""
-    from fogpipe.io.atomic import atomic_write
+    from fogpipe.io.atomic import atomic_write_text
     from fogpipe.pipeline.draw import draw
 
     chosen = form or (_SUFFIXES.get(out.suffix) if out else "svg")
@@ -32,6 +32,5 @@ def command(
     if out is None:
         typer.echo(text, nl=False)
         return
-    with atomic_write(out) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    atomic_write_text(out, text)
     typer.echo(f"wrote {out}", err=True)

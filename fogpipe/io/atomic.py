@@ -68,6 +68,12 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise OutputError(f"{path}: cannot be written: {cause}. Nothing there was changed. {advice}") from error
 
 
+def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file in UTF-8, complete or not at all; errors as in :func:`atomic_write`."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def _refuse_irregular(path: str | os.PathLike[str], target: Path) -> None:
     """Replacing a device or a pipe would remove it from the system."""
     try:

@@ -90,7 +90,7 @@ def run_job(
         )
         (draft / RECORD_NAME).write_text(strict_json(record), encoding="utf-8")
         removed = publish(draft, folder)
-    if removed:
+    if removed:  # told, not recorded: it says nothing about the outputs
         text = f"{folder} held an earlier run, of which {', '.join(removed)} are gone; -o gives each run a folder."
         record["notes"] = [*record["notes"], text]
     return record

@@ -145,6 +145,17 @@ def test_nothing_is_blurred_at_once_however_wide(shape):
     np.testing.assert_array_equal(diffusion(layer, np.full(shape, 7000, np.float32)), 0)
 
 
+@pytest.mark.parametrize("column", [400, 401])
+def test_a_single_point_of_light_spreads_wherever_it_is(column):
+    """What auto looks at is a sample of the layer, which may hold the point, or a neighbour of it, or nothing."""
+    layer = np.zeros((300, 800, 4), np.float32)
+    layer[::9, column] = 1
+    blurred = diffusion(layer, np.full((300, 800), 9, np.float32))
+    np.testing.assert_allclose(blurred.mean((0, 1), dtype=float), layer.mean((0, 1), dtype=float), atol=1e-5)
+    # 34 points over 300 rows, each spread over √(9² − 1) px across: 0.0050 at the column, to a tenth.
+    assert blurred[100:200, column].mean() == pytest.approx(34 / 300 / np.sqrt(2 * np.pi * 80), rel=0.1)
+
+
 def test_a_photograph_that_is_blurred_away_leaves_its_mean():
     noise = np.random.default_rng(10).random((300, 330, 4), dtype=np.float32) - 0.5
     layer = noise.cumsum(axis=0).cumsum(axis=1) / 300

@@ -103,10 +103,10 @@ def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float
     largest = (widest**2 - finest**2) / 2
     if largest <= 0:
         return Plan(math.inf, 1, LARGEST_SHARE)
-    if _roughness(layer) > ROUGHEST * variation:
-        detail = variation / OF_DETAIL  # no less than it can be: the share of a polynomial is then a strict bound
-    else:
-        detail = max(_detail(layer, widest), 1e-6 * variation, 1e-3 * tolerance)
+    rough = _roughness(layer) > ROUGHEST * variation
+    # For a rough layer no less than it can be: the share of a polynomial is then a strict bound.
+    detail = variation / OF_DETAIL if rough else _detail(layer, widest)
+    detail = max(detail, 1e-6 * variation, 1e-3 * tolerance)
     whole = on_pixels(largest, tolerance / (OF_DETAIL * detail))
     plans = [(float(whole.stretches * degree_for(8 * largest / whole.stretches, whole.share)), whole)]
     if scale.size >= FEWEST_PIXELS:
@@ -156,8 +156,8 @@ def _cells(rates: FloatArray, clip: float, reach: int) -> tuple[float, float]:
 
 
 def _variation(layer: FloatArray) -> float:
-    """Standard deviation of a channel, root mean square of the channels; of some pixels of a large layer."""
-    channels = np.ascontiguousarray(_some(layer)[:, :: 2 if layer.shape[1] >= 512 else 1].reshape(-1, 4).T)
+    """Standard deviation of a channel, root mean square of the channels; of some rows of a large layer."""
+    channels = np.ascontiguousarray(_some(layer).reshape(-1, 4).T)
     return math.sqrt(float(channels.var(axis=1, dtype=np.float64).mean()))
 
 
