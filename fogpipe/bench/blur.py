@@ -124,7 +124,7 @@ def sharp_parts(layer: FloatArray, repeats: int) -> Iterator[Row]:
     for sigma, share in itertools.product((6.0, 25.0), (0.0, 0.8)):
         scale = np.full(layer.shape[:2], sigma, np.float32)
         scale[round(layer.shape[0] * (1 - share)) :] = FINEST
-        ways = {"auto 0.002": partial(SOLVERS["auto"], layer, scale, FINEST, 0.25, 2e-3)}
+        ways = {f"auto {t:g}": partial(SOLVERS["auto"], layer, scale, FINEST, 0.25, t) for t in (2e-3, 3e-4)}
         exact = reference(layer, scale, FINEST)
         yield from compared(f"{share:.0%} of the pixels sharp, σ {sigma:g}", ways, layer, sigma, exact, repeats)
 

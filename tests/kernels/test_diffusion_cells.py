@@ -8,13 +8,13 @@ import pytest
 
 from fogpipe.kernels.diffusion import reference
 from fogpipe.kernels.diffusion.adaptive import adaptive
-from fogpipe.kernels.diffusion.grid import Level, conductances, hierarchy
+from fogpipe.kernels.diffusion.grid import Level, hierarchy, rates
 from fogpipe.kernels.diffusion.partition import Partition, partition
 
 
 def cells_of(scale: np.ndarray, clip: float = 2.0, cap: float = 4.0) -> tuple[list[Level], Partition]:
-    levels = hierarchy(*conductances(scale, 1.0), clip)
-    return levels, partition(levels, np.ones(levels[0].joined.shape, np.bool_), cap)
+    levels = hierarchy(rates(scale, 1.0), clip)
+    return levels, partition(levels, [level.alone for level in levels], cap)
 
 
 def torn(shape: tuple[int, int]) -> np.ndarray:
@@ -54,7 +54,8 @@ def test_what_flows_from_a_cell_to_another_flows_back_alike(shape):
 
 def test_the_rate_of_larger_cells_is_that_of_their_pixels():
     levels, _ = cells_of(np.full((32, 32), 9.0))
-    for level, size in zip(levels, (1, 2, 4, 8), strict=False):
+    np.testing.assert_allclose(levels[0].rate, 40)
+    for level, size in zip(levels[1:], (2, 4, 8), strict=False):
         # ϱ = 40 px² less what means and interpolation blur, over the pixels in a cell of that size.
         rate = 40 - 0.5 * (size**2 - 1) / 3
         np.testing.assert_allclose(level.east[:, :-1] / level.mass[:, :-1], rate / size**2)
@@ -75,26 +76,24 @@ def test_no_cell_lies_on_both_sides_of_a_wall():
     assert not set(left.ravel()) & set(right.ravel())
     layer = np.zeros((64, 64, 4), np.float32)
     layer[:, 31:] = 1
-    after = adaptive(layer, scale.astype(np.float32), 1.0, 2.0, 1e-3)
+    after = adaptive(layer, rates(scale.astype(np.float32), 1.0), 2.0, 1e-3)
     np.testing.assert_allclose(after[:, :29], 0, atol=1e-6)  # float32 rounding
     np.testing.assert_allclose(after[:, 31:], 1, atol=1e-5)  # and of coefficients
 
 
 def test_two_parts_of_a_square_that_only_touch_at_a_corner_are_not_joined():
-    scale = np.ones((8, 8))
-    scale[:4, :4] = scale[4:, 4:] = 25
-    east, south = conductances(scale, 1.0)
-    east[3, 3] = east[4, 3] = south[3, 3] = south[3, 4] = 0
-    levels = hierarchy(east, south, 2.0)
-    cells = partition(levels, np.ones((4, 4), np.bool_), 4.0)
-    upper, lower = cells.numbers[0][:4, :4], cells.numbers[0][4:, 4:]
+    scale = np.ones((16, 16))
+    scale[:7, :7] = scale[9:, 9:] = 25  # with the pixels that share a face with these, two squares of eight
+    _, cells = cells_of(scale)
+    upper, lower = cells.numbers[0][:8, :8], cells.numbers[0][8:, 8:]
+    assert cells.mass.max() == 8 * 8 - 1  # the corners themselves touch nothing that is blurred
     assert not set(upper.ravel()) & set(lower.ravel())
 
 
 def test_a_slope_stays_a_slope():
     """Light that grows evenly flows through; cells give back what they hold along that slope, whatever their size."""
     layer = np.repeat(np.add.outer(np.arange(160.0), 2 * np.arange(192.0))[..., None], 4, axis=2)
-    after = adaptive(layer, np.full((160, 192), 8.0), 1.0, 2.0, 1e-6)
+    after = adaptive(layer, rates(np.full((160, 192), 8.0), 1.0), 2.0, 1e-6)
     # The borders, where nothing flows on, are five widths away.
     np.testing.assert_allclose(after[48:-48, 48:-48], layer[48:-48, 48:-48], rtol=2e-4)
 
@@ -109,8 +108,8 @@ def test_the_error_falls_with_smaller_cells(name):
     }[name]
     layer = cv2.GaussianBlur(np.random.default_rng(3).random((200, 264, 4)), (0, 0), 1.5)
     layer = layer + (scale > 10)[..., None] * 0.5
-    exact = reference(layer, scale, 1.0)
-    errors = [float(np.sqrt(np.mean((adaptive(layer, scale, 1.0, clip, 1e-4) - exact) ** 2))) for clip in (1, 4, 16)]
+    exact, rate = reference(layer, scale, 1.0), rates(scale, 1.0)
+    errors = [float(np.sqrt(np.mean((adaptive(layer, rate, clip, 1e-4) - exact) ** 2))) for clip in (1, 4, 16)]
     # Seen: 7.6e-3 … 1.7e-2 with the largest cells, a fifth to a third of that with the smallest.
     assert errors[0] > 1.3 * errors[1] > 1.6 * errors[2]
     assert errors[0] < 0.05
@@ -120,8 +119,8 @@ def test_pixels_far_from_larger_cells_are_done_on_the_grid_and_those_between_fit
     """Both ways meet where the blur is narrow: no line between them stands out."""
     layer = cv2.GaussianBlur(np.random.default_rng(4).random((96, 400, 4), dtype=np.float32), (0, 0), 2)
     scale = np.tile(np.linspace(1, 6, 400, dtype=np.float32), (96, 1))
-    error = np.abs(adaptive(layer, scale, 1.0, 4.0, 1e-3) - reference(layer, scale, 1.0)).mean((0, 2))
-    alone = hierarchy(*conductances(scale, 1.0), 4.0)[0].joined[:, 1:-1].any(axis=0)
+    error = np.abs(adaptive(layer, rates(scale, 1.0), 4.0, 1e-3) - reference(layer, scale, 1.0)).mean((0, 2))
+    alone = hierarchy(rates(scale, 1.0), 4.0)[0].joined[:, 1:-1].any(axis=0)
     first = 2 * int(np.argmax(alone)) + 2
     # Without larger cells only the polynomial errs, by a thousandth of the detail, which is 0.04; the last sixteen
     # columns before them get light from them.

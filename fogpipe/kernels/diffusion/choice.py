@@ -10,14 +10,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
-from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.arrays import FloatArray, floats, require_maps
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.adaptive import CAP, adaptive
-from fogpipe.kernels.diffusion.grid import conductances
+from fogpipe.kernels.diffusion.grid import rates, rates_of_row
 from fogpipe.kernels.diffusion.polynomial import degree_for
 from fogpipe.kernels.diffusion.published import prepared
+from fogpipe.kernels.diffusion.rows import largest_of
 from fogpipe.kernels.diffusion.tiles import on_grid
 
 MISSED = {2.0: 0.035, 4.0: 0.026, 8.0: 0.0165, 16.0: 0.0125, 32.0: 0.0118}
@@ -62,61 +64,64 @@ class Plan(NamedTuple):
 
 def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) -> FloatArray:
     """Diffuse so that the root-mean-square error is at most ``tolerance`` (float32: 1e-5 of the variation or more)."""
-    layer, scale = prepared(layer, scale, finest)
-    if scale.max() > ENOUGH * max(scale.shape):
-        scale = np.minimum(scale, scale.dtype.type(ENOUGH * max(scale.shape)))
+    require_maps(layer=(layer, 4), scale=(scale, 1))
+    layer, scale = floats(layer, scale)
     if scale.size < FEWEST_PIXELS and layer.dtype == np.float32:
         # Costs next to nothing, and in a few pixels the rounding of hundreds of steps would not average out.
-        return auto(layer.astype(np.float64), scale, finest, tolerance).astype(np.float32)
-    part = _moving(scale, finest)
-    if scale[part].size == scale.size:
-        return follow(choose(layer, scale, finest, tolerance), layer, scale, finest)
+        return auto(layer.astype(np.float64), scale.astype(np.float64), finest, tolerance).astype(np.float32)
+    rate, largest, part = _surveyed(scale, finest)
+    enough = (ENOUGH * max(rate.shape)) ** 2 / 2
+    if largest > enough:
+        rate, largest = np.minimum(rate, rate.dtype.type(enough)), enough
+    if rate[part].size == rate.size:
+        return follow(choose(layer, rate, largest, tolerance), layer, rate)
     after = np.empty_like(layer)
-    in_bands(_copy, len(layer), scale.shape[1], layer, after)
-    if scale[part].size:
-        inside, wanted = np.ascontiguousarray(layer[part]), np.ascontiguousarray(scale[part])
-        after[part] = follow(choose(inside, wanted, finest, tolerance), inside, wanted, finest)
+    _keep(layer, after, *part)
+    if rate[part].size:
+        (inside,), wanted = floats(layer[part]), np.ascontiguousarray(rate[part])
+        after[part] = follow(choose(inside, wanted, largest, tolerance), inside, wanted)
     return after
 
 
 def reference(layer: np.ndarray, scale: np.ndarray, finest: float) -> FloatArray:
     """The equation itself, in float64: at most 1e-9 of any pattern is left out. About 300 steps for 25 px."""
     layer, scale = prepared(layer.astype(np.float64), scale, finest)
-    stretches = max(1, math.ceil((float(scale.max()) ** 2 - finest**2) / 2 / LONGEST_RATE))
-    return follow(Plan(math.inf, stretches, 1e-9 / stretches), layer, scale, finest)
+    rate = rates(scale, finest)
+    stretches = max(1, math.ceil(float(rate.max()) / LONGEST_RATE))
+    return follow(Plan(math.inf, stretches, 1e-9 / stretches), layer, rate)
 
 
-def follow(plan: Plan, layer: FloatArray, scale: FloatArray, finest: float) -> FloatArray:
-    """Diffuse a layer (H, W, 4) according to a plan."""
+def follow(plan: Plan, layer: FloatArray, rate: FloatArray) -> FloatArray:
+    """Diffuse a layer (H, W, 4) according to a plan, where ϱ is ``rate`` (H, W)."""
     if plan.clip < math.inf:
-        return adaptive(layer, scale, finest, plan.clip, plan.share)
-    east, south = conductances(scale, finest, 1 / plan.stretches)
-    largest = max(float(east.max()), float(south.max()))
+        return adaptive(layer, rate, plan.clip, plan.share)
+    if plan.stretches > 1:
+        rate = rate / rate.dtype.type(plan.stretches)
+    largest = float(rate.max())
     for _ in range(plan.stretches):
-        layer = on_grid(layer, east, south, largest, plan.share)
+        layer = on_grid(layer, rate, largest, plan.share)
     return layer
 
 
-def choose(layer: FloatArray, scale: FloatArray, finest: float, tolerance: float) -> Plan:
-    """The cheapest plan that meets a tolerance."""
-    variation, widest = _variation(layer), float(scale.max())
-    largest = (widest**2 - finest**2) / 2
+def choose(layer: FloatArray, rate: FloatArray, largest: float, tolerance: float) -> Plan:
+    """The cheapest plan that meets a tolerance, where ϱ is ``rate`` (H, W) and at most ``largest``."""
+    variation = _variation(layer)
     if largest <= 0:
         return Plan(math.inf, 1, LARGEST_SHARE)
     rough = _roughness(layer) > ROUGHEST * variation
     # For a rough layer no less than it can be: the share of a polynomial is then a strict bound.
-    detail = variation / OF_DETAIL if rough else _detail(layer, widest)
+    detail = variation / OF_DETAIL if rough else _detail(layer, math.sqrt(2 * largest))
     detail = max(detail, 1e-6 * variation, 1e-3 * tolerance)
     whole = on_pixels(largest, tolerance / (OF_DETAIL * detail))
     plans = [(float(whole.stretches * degree_for(8 * largest / whole.stretches, whole.share)), whole)]
-    if scale.size >= FEWEST_PIXELS:
-        rates = (_some(scale) ** 2 - finest**2) / 2
+    if rate.size >= FEWEST_PIXELS:
+        some = _some(rate)
         for clip, missed in MISSED.items():
             left = tolerance**2 - (missed * detail) ** 2
             if clip < largest and left > 0:
                 plan = Plan(clip, 1, _bounded(math.sqrt(left) / (OF_DETAIL * detail)))
                 on_grid_degree, degree = (degree_for(8 * each, plan.share) for each in (clip, CAP * clip))
-                cells, others = _cells(rates, clip, on_grid_degree)
+                cells, others = _cells(some, clip, on_grid_degree)
                 # In steps on the pixels, of which a step of as many cells takes two, and to set up the cells eight.
                 if cells <= MOST_CELLS:
                     plans.append((8 + 2 * cells * degree + others * on_grid_degree, plan))
@@ -129,36 +134,36 @@ def on_pixels(largest: float, share: float) -> Plan:
     return Plan(math.inf, stretches, _bounded(share / stretches))
 
 
+def _keep(layer: FloatArray, after: FloatArray, down: slice, across: slice) -> None:
+    """Copy what lies outside of a rectangle."""
+    above, below = (slice(0, down.start), slice(None)), (slice(down.stop, None), slice(None))
+    left, right = (down, slice(0, across.start)), (down, slice(across.stop, None))
+    for part in (above, below, left, right):
+        if after[part].size:
+            in_bands(_copy, *after[part].shape[:2], layer[part], after[part])
+
+
 def _copy(first: int, last: int, layer: FloatArray, after: FloatArray) -> None:
     after[first:last] = layer[first:last]
 
 
-def _moving(scale: FloatArray, finest: float) -> tuple[slice, slice]:
-    """The rectangle beyond which no light moves: one pixel around all that is blurred."""
-    blurred = scale > finest
-    sides = []
-    for axis in (1, 0):
-        lines = np.flatnonzero(blurred.any(axis=axis))
-        sides.append(slice(max(int(lines[0]) - 1, 0), int(lines[-1]) + 2) if lines.size else slice(0, 0))
-    return sides[0], sides[1]
-
-
-def _cells(rates: FloatArray, clip: float, reach: int) -> tuple[float, float]:
-    """Cells for each pixel, one of 4^k pixels where the rate is up to 4^k clips; and the share of pixels far from them.
-
-    Of lines, so the reach is doubled for what comes from above and below.
-    """
-    from scipy.ndimage import maximum_filter1d
-
-    near = maximum_filter1d(rates > clip, 4 * reach + 1, axis=1)
-    sizes = 0.25 ** np.ceil(np.log(np.maximum(rates / clip, 1)) / math.log(4))
-    return float(np.mean(sizes * near)), 1 - float(np.mean(near))
+def _surveyed(scale: FloatArray, finest: float) -> tuple[FloatArray, float, tuple[slice, slice]]:
+    """ϱ, its largest value, and the rectangle beyond which no light moves: one pixel around all that is blurred."""
+    rows, columns = scale.shape
+    rate, largest = np.empty_like(scale), np.empty(rows, scale.dtype)
+    first, last = np.empty(rows, np.int64), np.empty(rows, np.int64)
+    in_bands(_survey, rows, columns, scale, scale.dtype.type(finest), rate, largest, first, last)
+    blurred = np.flatnonzero(last)
+    if not blurred.size:
+        return rate, 0.0, (slice(0, 0), slice(0, 0))
+    down = slice(max(int(blurred[0]) - 1, 0), int(blurred[-1]) + 2)
+    across = slice(max(int(first.min()) - 1, 0), int(last.max()) + 1)
+    return rate, float(largest.max()), (down, across)
 
 
 def _variation(layer: FloatArray) -> float:
     """Standard deviation of a channel, root mean square of the channels; of some rows of a large layer."""
-    channels = np.ascontiguousarray(_some(layer).reshape(-1, 4).T)
-    return math.sqrt(float(channels.var(axis=1, dtype=np.float64).mean()))
+    return math.sqrt(_variance(_some(layer)))
 
 
 def _some(lines: np.ndarray) -> np.ndarray:
@@ -172,10 +177,8 @@ def _detail(layer: FloatArray, largest: float) -> float:
     for widths in (2.0, 1.3):
         for lines in (_some(layer), _some(layer.transpose(1, 0, 2))):
             lag = max(1, min(round(widths * largest), lines.shape[1] // 2))
-            if lines.shape[1] > lag:
-                step = max(1, min(4, (lines.shape[1] - lag) // 32))
-                difference = lines[:, lag::step] - lines[:, :-lag:step]
-                squares = max(squares, float(np.mean(difference**2)) / 2)
+            step = max(1, min(4, (lines.shape[1] - lag) // 32))
+            squares = max(squares, _mean_square(lines, lag, step) / 2)
     return math.sqrt(squares)
 
 
@@ -186,5 +189,75 @@ def _bounded(share: float) -> float:
 def _roughness(layer: FloatArray) -> float:
     """Root mean square of the steps from one pixel of a row to the next, over √2. One column is taken as a row."""
     lines = _some(layer) if layer.shape[1] > 1 else layer.transpose(1, 0, 2)
-    steps = np.diff(lines, axis=1)
-    return math.sqrt(float(np.mean(steps**2)) / 2) if steps.size else 0.0
+    return math.sqrt(_mean_square(lines, 1, 1) / 2)
+
+
+@numba.njit(nogil=True, cache=True)
+def _mean_square(lines, lag, step):
+    """Of the differences over ``lag`` pixels, every ``step`` pixels along the lines (N, W, 4); 0 for shorter lines."""
+    total, count = np.zeros(4), 0
+    for y in range(lines.shape[0]):
+        for x in range(0, lines.shape[1] - lag, step):
+            for k in range(4):
+                difference = lines[y, x + lag, k] - lines[y, x, k]
+                total[k] += difference * difference
+            count += 4
+    return total.sum() / max(count, 1)
+
+
+@numba.njit(nogil=True, cache=True)
+def _variance(lines):
+    """Mean over the channels."""
+    count = lines.shape[0] * lines.shape[1]
+    total = 0.0
+    for k in range(4):
+        start, first, second = float(lines[0, 0, k]), 0.0, 0.0  # about a value there is, for what varies little
+        for y in range(lines.shape[0]):
+            for x in range(lines.shape[1]):
+                value = lines[y, x, k] - start
+                first += value
+                second += value * value
+        total += max(second / count - (first / count) ** 2, 0.0) / 4
+    return total
+
+
+@numba.njit(nogil=True, cache=True)
+def _cells(lines, clip, reach):
+    """Cells for each pixel, one of 4^k pixels where ϱ is up to 4^k clips; and the share of pixels far from them.
+
+    Of lines, so the reach is doubled for what comes from above and below.
+    """
+    columns = lines.shape[1]
+    cells, near = 0.0, 0
+    for y in range(lines.shape[0]):
+        done = 0
+        for x in range(columns):
+            rate = lines[y, x]
+            if rate > clip:
+                end = min(x + 2 * reach + 1, columns)
+                near += end - max(done, x - 2 * reach)
+                done = end
+                size, limit = 0.25, 4 * clip
+                while rate > limit:
+                    size, limit = 0.25 * size, 4 * limit
+                cells -= 1 - size
+    count = lines.shape[0] * columns
+    return (cells + near) / count, 1 - near / count
+
+
+@numba.njit(nogil=True, cache=True)
+def _survey(begin, end, scale, finest, rate, largest, first, last):
+    """Rates of rows, the largest in each, the first column that is blurred and the one after the last."""
+    columns = scale.shape[1]
+    for y in range(begin, end):
+        row = rate[y]
+        rates_of_row(scale[y], finest, row)
+        largest[y] = largest_of(row)
+        left, right = columns, 0
+        if largest[y] > 0:
+            left, right = 0, columns
+            while not row[left] > 0:
+                left += 1
+            while not row[right - 1] > 0:
+                right -= 1
+        first[y], last[y] = left, right

@@ -7,7 +7,7 @@ import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
-from fogpipe.kernels.diffusion.grid import conductances
+from fogpipe.kernels.diffusion.grid import rates
 from fogpipe.kernels.diffusion.published import prepared
 
 STEPS = 8
@@ -16,8 +16,8 @@ STEPS = 8
 def adi(layer: np.ndarray, scale: np.ndarray, finest: float, steps: int = STEPS) -> FloatArray:
     """Backward Euler, one tridiagonal system for each row, then for each column: stable at any step, first order."""
     layer, scale = prepared(layer, scale, finest)
-    east, south = conductances(scale, finest, 1 / steps)
-    south = south.T
+    rate = rates(scale, finest) / scale.dtype.type(2 * steps)
+    east, south = rate[:, :-1] + rate[:, 1:], (rate[:-1] + rate[1:]).T
     rows, columns = scale.shape
     now = layer.copy()
     for _ in range(steps):

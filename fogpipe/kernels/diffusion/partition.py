@@ -43,32 +43,32 @@ class Partition(NamedTuple):
     rates: FloatArray
 
 
-def partition(levels: list[Level], inside: np.ndarray, cap: float) -> Partition:
+def partition(levels: list[Level], alone: list[np.ndarray], cap: float) -> Partition:
     """Number the cells, and link them.
 
     Parameters
     ----------
-    inside : for two by two pixels, whether those that are cells by themselves take part.
+    alone : for each level, which of two by two cells are to be numbered: those it has alone, or fewer pixels.
     cap : largest G/m of a link for the smaller of its cells.
     """
-    alone = [np.where(inside, levels[0].alone, np.uint8(0)), *(level.alone for level in levels[1:])]
     rows, starts = [], [0]
     for own in alone:
-        counts = np.bitwise_count(own).sum(axis=1, dtype=np.int64)
+        counts = np.empty(len(own), np.int64)
+        in_bands(_count, *own.shape, own, counts)
         rows.append(starts[-1] + np.cumsum(counts) - counts)
         starts.append(starts[-1] + int(counts.sum()))
-    dtype = levels[0].mass.dtype
+    dtype = levels[0].rate.dtype
     mass = np.empty(starts[-1], dtype)
     numbers = [np.empty((0, 0), np.int32) for _ in levels]
     above = numbers[-1]
     for k in reversed(range(0 if starts[1] else 1, len(levels))):
-        numbers[k] = np.empty(levels[k].mass.shape, np.int32)
+        numbers[k] = np.empty(levels[k].shape, np.int32)
         in_bands(_number, *alone[k].shape, levels[k].mass, levels[k].joined, alone[k], rows[k], above, numbers[k], mass)
         above = numbers[k]
     neighbours, weights = np.empty((starts[-1], 4), np.uint32), np.empty((starts[-1], 4), dtype)
     for level, single, own in zip(levels, alone, numbers, strict=True):
         if own.size:
-            links = (level.east, level.south, single, own, dtype.type(cap), mass)
+            links = (level.rate, level.east, level.south, single, own, dtype.type(cap), mass)
             in_bands(_links, *single.shape, *links, neighbours, weights)
     bounds = np.array(starts)
     counts = np.zeros(starts[-1] - starts[1] + 1, np.int64)
@@ -80,8 +80,19 @@ def partition(levels: list[Level], inside: np.ndarray, cap: float) -> Partition:
 
 
 @numba.njit(nogil=True, cache=True)
+def _count(first, last, alone, counts):
+    for y in range(first, last):
+        count = np.uint32(0)
+        for x in range(np.uintp(alone.shape[1])):
+            own = alone[y, x]
+            count += (own & 1) + (own >> 1 & 1) + (own >> 2 & 1) + (own >> 3)
+        counts[y] = count
+
+
+@numba.njit(nogil=True, cache=True)
 def _number(first, last, mass, joined, alone, starts, coarse, numbers, masses):
     rows, columns = numbers.shape
+    one = masses.dtype.type(1)
     for y in range(first, last):
         number = starts[y]
         for x in range(joined.shape[1]):
@@ -91,14 +102,14 @@ def _number(first, last, mass, joined, alone, starts, coarse, numbers, masses):
                 j, i = 2 * y + (k >> 1), 2 * x + (k & 1)
                 if single >> k & 1:
                     numbers[j, i] = number
-                    masses[number] = mass[j, i]
+                    masses[number] = mass[j, i] if mass.size else one
                     number += 1
                 elif j < rows and i < columns:
                     numbers[j, i] = above if part >> k & 1 else -1
 
 
 @numba.njit(nogil=True, cache=True)
-def _links(first, last, east, south, alone, numbers, cap, mass, neighbours, weights):
+def _links(first, last, rate, east, south, alone, numbers, cap, mass, neighbours, weights):
     rows, columns = numbers.shape
     zero = mass.dtype.type(0)
     for y in range(first, last):
@@ -112,17 +123,23 @@ def _links(first, last, east, south, alone, numbers, cap, mass, neighbours, weig
                 for side in range(4):
                     other, flow = -1, zero
                     if side == 0 and i > 0:
-                        other, flow = numbers[j, i - 1], east[j, i - 1]
+                        other, flow = numbers[j, i - 1], _face(rate, east, j, i - 1, j, i)
                     elif side == 1 and i + 1 < columns:
-                        other, flow = numbers[j, i + 1], east[j, i]
+                        other, flow = numbers[j, i + 1], _face(rate, east, j, i, j, i + 1)
                     elif side == 2 and j > 0:
-                        other, flow = numbers[j - 1, i], south[j - 1, i]
+                        other, flow = numbers[j - 1, i], _face(rate, south, j - 1, i, j, i)
                     elif side == 3 and j + 1 < rows:
-                        other, flow = numbers[j + 1, i], south[j, i]
+                        other, flow = numbers[j + 1, i], _face(rate, south, j, i, j + 1, i)
                     if other < 0:
                         other, flow = number, zero
                     neighbours[number, side] = other
                     weights[number, side] = min(flow, cap * min(mass[number], mass[other])) / mass[number]
+
+
+@numba.njit(nogil=True, cache=True)
+def _face(rate, conductance, y, x, j, i):
+    """Between a cell and the next one, (j, i), to the east or south."""
+    return rate.dtype.type(0.5) * (rate[y, x] + rate[j, i]) if rate.size else conductance[y, x]
 
 
 @numba.njit(nogil=True, cache=True)

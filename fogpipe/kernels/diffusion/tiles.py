@@ -15,17 +15,19 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, passes, quantised
+from fogpipe.kernels.diffusion.rows import largest_of
 
-MARGINED = (96, 256)
-"""Rows and columns of a tile with its margins: what a step touches nearly fits the second cache."""
+COLUMNS = 256
+"""Of a tile with its margins."""
+LEAST_ROWS = 24
+"""Of a tile without what its margins add: few enough for what a step touches to stay in the second cache."""
 SQUARE = 4
 """Pixels across the squares that are computed or not."""
 
 
 def on_grid(
     layer: FloatArray,
-    east: FloatArray,
-    south: FloatArray,
+    rate: FloatArray,
     largest: float,
     share: float,
     wanted: np.ndarray | None = None,
@@ -34,7 +36,7 @@ def on_grid(
 
     Parameters
     ----------
-    east, south : (H, W) rates to the next column and row, 0 in the last one.
+    rate : ϱ (H, W); between two neighbours, the mean of both.
     largest : rates above this, which only tiles that are not wanted may have, are taken to be this.
     share : of any pattern, left out at most.
     wanted : of squares of ``SQUARE`` pixels, those that are computed; the others may hold anything. None for all.
@@ -52,10 +54,12 @@ def on_grid(
             spectra, series = _by_rate(spectrum, share, layer.dtype)
         else:
             spectra, series = np.array([spectrum], layer.dtype), _in_precision(factor, layer.dtype)[None]
-        height, width = (size - 2 * (series.shape[1] - 1) for size in MARGINED)
+        # As many rows again as the margins have: a tile of many steps would else be little but margins.
+        margin = series.shape[1] - 1
+        height, width = LEAST_ROWS + 2 * margin, COLUMNS - 2 * margin
         # The next factor takes what it needs from beyond the squares that are wanted.
         where = wanted if number == len(factors) - 1 else everything
-        arguments = (height, width, _flat(layer), east, south, where, spectra, series)
+        arguments = (height, width, _flat(layer), rate, where, spectra, series)
         in_bands(_tiles, -(-rows // height), height * columns, *arguments, _flat(after))
         layer = after
     return layer
@@ -88,14 +92,14 @@ def _in_precision(series: np.ndarray, dtype: np.dtype) -> np.ndarray:
 # negative: only then does the compiler see that the arrays of a step are apart, and works on 16 cells at once, whose
 # weights it loads once for the four channels. Rows begin 16 cells in, so that vectors lie on their boundaries.
 _ONE, _FOUR = np.uintp(1), np.uintp(4)
-_CHANNEL = np.uintp(MARGINED[1] + 32)
+_CHANNEL = np.uintp(COLUMNS + 32)
 _ROW = np.uintp(4 * _CHANNEL)
 _WIDTH = int(_CHANNEL)
 
 
 @numba.njit(nogil=True, cache=True)
-def _tiles(first, last, height, width, layer, east, south, wanted, spectra, series, after):
-    rows, columns = east.shape
+def _tiles(first, last, height, width, layer, rate, wanted, spectra, series, after):
+    rows, columns = rate.shape
     margin = series.shape[1] - 1
     zero, eight = layer.dtype.type(0), layer.dtype.type(8)
     # One row more on each side, of conductance 0, so that every cell of a tile has four neighbours.
@@ -106,14 +110,14 @@ def _tiles(first, last, height, width, layer, east, south, wanted, spectra, seri
     values, sums = before.reshape(tall, 4, _WIDTH), total.reshape(tall, 4, _WIDTH)
     grid = beside.reshape(tall, _WIDTH), below.reshape(tall, _WIDTH)
     for tile in range(first, last):
-        for left in range(0, columns, width):
-            top = tile * height
-            bottom, right = min(top + height, rows), min(left + width, columns)
-            if not wanted[top // SQUARE : -(-bottom // SQUARE), left // SQUARE : -(-right // SQUARE)].any():
+        for place in range(0, columns, width):
+            whole = tile * height, min(tile * height + height, rows), place, min(place + width, columns)
+            top, bottom, left, right = _wanted_part(wanted, *whole)
+            if top >= bottom:
                 continue
             y0, y1 = max(top - margin, 0), min(bottom + margin, rows)
             x0, x1 = max(left - margin, 0), min(right + margin, columns)
-            most = min(eight * _largest(y0, y1, x0, x1, east, south), spectra[-1])
+            most = min(eight * _largest(y0, y1, x0, x1, rate), spectra[-1])
             if most <= zero:
                 for y in range(top, bottom):
                     _copy(layer[y, 4 * left : 4 * right], after[y, 4 * left : 4 * right])
@@ -121,16 +125,16 @@ def _tiles(first, last, height, width, layer, east, south, wanted, spectra, seri
             kind = 0
             while spectra[kind] < most:
                 kind += 1
-            _load_rates(y0, y1, x0, x1, east, south, spectra[kind], *grid)
+            _load_rates(y0, y1, x0, x1, rate, spectra[kind], *grid)
             _load_layer(y0, y1, x0, x1, layer, values)
             own = series[kind]
             last_degree = margin
             while last_degree > 1 and own[last_degree] == zero:
                 last_degree -= 1
-            whole = _range(1, y1 - y0 + 1, 0, x1 - x0)
+            loaded = _range(1, y1 - y0 + 1, 0, x1 - x0)
             # Two terms are added to the sum at once, in the last step and every second one before it.
             share = own[1] if last_degree % 2 else zero
-            _first_step(*whole, before, beside, below, own[0], share, now, total)
+            _first_step(*loaded, before, beside, below, own[0], share, now, total)
             older, newer = before, now
             for degree in range(2, last_degree + 1):
                 # Values one step from a cut are one step less good: only what the tile still needs is computed.
@@ -151,6 +155,18 @@ def _tiles(first, last, height, width, layer, east, south, wanted, spectra, seri
 
 
 @numba.njit(nogil=True, cache=True)
+def _wanted_part(wanted, top, bottom, left, right):
+    """The rectangle of a tile that holds all of its squares that are wanted; of no rows if none is."""
+    first, last, west, east = bottom, top, right, left
+    for j in range(top // SQUARE, -(-bottom // SQUARE)):
+        for i in range(left // SQUARE, -(-right // SQUARE)):
+            if wanted[j, i]:
+                first, last = min(first, SQUARE * j), max(last, SQUARE * j + SQUARE)
+                west, east = min(west, SQUARE * i), max(east, SQUARE * i + SQUARE)
+    return max(first, top), min(last, bottom), max(west, left), min(east, right)
+
+
+@numba.njit(nogil=True, cache=True)
 def _zeros(size, layer):
     """On a boundary of the first cache's lines."""
     block = np.zeros(size + 64, layer.dtype)
@@ -166,28 +182,27 @@ def _range(j0, j1, i0, i1):
 
 
 @numba.njit(nogil=True, cache=True)
-def _largest(y0, y1, x0, x1, east, south):
-    most = east.dtype.type(0)
+def _largest(y0, y1, x0, x1, rate):
+    most = rate.dtype.type(0)
     for y in range(y0, y1):
-        for x in range(x0, x1):
-            most = max(most, max(east[y, x], south[y, x]))
+        most = max(most, largest_of(rate[y, x0:x1]))
     return most
 
 
 @numba.njit(nogil=True, cache=True)
-def _load_rates(y0, y1, x0, x1, east, south, spectrum, beside, below):
-    """Rates in steps, 0 beyond the part."""
-    zero = east.dtype.type(0)
-    rate, half = east.dtype.type(4) / spectrum, east.dtype.type(0.5)
+def _load_rates(y0, y1, x0, x1, rate, spectrum, beside, below):
+    """Conductances in steps, 0 beyond the part."""
+    zero, half = rate.dtype.type(0), rate.dtype.type(0.5)
+    share = rate.dtype.type(2) / spectrum
     size = x1 - x0
     for y in range(y0, y1):
         j = y - y0 + 1
-        to_east, to_south = east[y, x0:], south[y, x0:]
+        here, next_row = rate[y, x0:], rate[min(y + 1, y1 - 1), x0:]
         across, down = beside[j, 16:], below[j, 16:]
         for i in range(size):
-            down[i] = min(rate * to_south[i], half)
+            down[i] = min(share * (here[i] + next_row[i]), half)
         for i in range(size - 1):
-            across[i] = min(rate * to_east[i], half)
+            across[i] = min(share * (here[i] + here[i + 1]), half)
         across[size - 1 :] = zero
         down[size:] = zero
     below[y1 - y0, :] = zero

@@ -1,0 +1,122 @@
+"""What moves between joined cells: resistances 1/G add along the way between centres, conductances side by side."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from fogpipe.kernels.diffusion.rows import four_rows, load_row
+
+WEAK = 0.1
+"""A face inside a cell that is this much weaker than the one beside it has a way round it."""
+
+_ONE, _TWO = np.uintp(1), np.uintp(2)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def coarsen(first, last, columns, rate, mass, east, south, joined, whole, full, blur, least, coarse_east, coarse_south):
+    """Resistances 1/G add along the way between the centres of joined cells, conductances side by side.
+
+    Most cells have ``full`` mass, as those beside them: these are done in runs, of which the compiler makes vectors.
+    """
+    rows, columns = joined.shape
+    width = 2 * columns + 2
+    masses, across, down = four_rows(width, mass), four_rows(width, mass), four_rows(width, mass)
+    level = rate, mass, east, south
+    alike, zero = np.zeros(columns, np.bool_), mass.dtype.type(0)
+    for row in range(2 * first, 2 * first + 2):
+        load_row(row, *level, masses, across, down)
+    for y in range(first, last):
+        for row in range(2 * y + 2, 2 * y + 4):
+            load_row(row, *level, masses, across, down)
+        one, three = 2 * y & 3, 2 * y + 2 & 3
+        two, four = one + 1, three + 1
+        if y + 1 < rows:
+            _alike(whole[y], whole[y + 1], full, alike)
+        else:
+            alike[:] = False
+        x = 0
+        while x < columns:
+            start = x
+            while alike[x]:
+                x += 1
+            if x > start:
+                run = slice(2 * start, 2 * x + 1)
+                _along(across[one, run], across[two, run], blur, least, coarse_east[y, start:x])
+                _down(down[one, run], down[two, run], down[three, run], blur, least, coarse_south[y, start:x])
+                continue
+            i, part = 2 * x, joined[y, x]
+            beside = joined[y, x + 1] if x + 1 < columns else np.uint8(0)
+            below = joined[y + 1, x] if y + 1 < rows else np.uint8(0)
+            a, b = masses[one, i] if part & 1 else zero, masses[one, i + 1] if part & 2 else zero
+            c, d = masses[two, i] if part & 4 else zero, masses[two, i + 1] if part & 8 else zero
+            flow = zero
+            if part & 2 and beside & 1:
+                far = masses[one, i + 3] if beside & 2 else zero
+                faces = across[one, i], across[one, i + 1], across[one, i + 2]
+                flow += _in_series(a, b, masses[one, i + 2], far, faces)
+            if part & 8 and beside & 4:
+                far = masses[two, i + 3] if beside & 8 else zero
+                faces = across[two, i], across[two, i + 1], across[two, i + 2]
+                flow += _in_series(c, d, masses[two, i + 2], far, faces)
+            coarse_east[y, x] = max(flow - blur, least * flow)
+            flow = zero
+            if part & 4 and below & 1:
+                far = masses[four, i] if below & 4 else zero
+                flow += _in_series(a, c, masses[three, i], far, (down[one, i], down[two, i], down[three, i]))
+            if part & 8 and below & 2:
+                far, i = masses[four, i + 1] if below & 8 else zero, i + 1
+                flow += _in_series(b, d, masses[three, i], far, (down[one, i], down[two, i], down[three, i]))
+            coarse_south[y, x] = max(flow - blur, least * flow)
+            x += 1
+
+
+@numba.njit(nogil=True, cache=True)
+def _alike(ours, beneath, full, alike):
+    """Whether a cell and those to its east and south are whole; not so in the last column."""
+    for x in range(np.uintp(len(ours) - 1)):
+        alike[x] = (ours[x] == full) & (ours[x + _ONE] == full) & (beneath[x] == full)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
+def _along(upper, lower, blur, least, coarse):
+    """To the east of cells of two by two, of which all have the same mass."""
+    for x in range(np.uintp(len(coarse))):
+        i = _TWO * x
+        flow = _in_line(upper[i], upper[i + _ONE], upper[i + _TWO])
+        flow += _in_line(lower[i], lower[i + _ONE], lower[i + _TWO])
+        coarse[x] = max(flow - blur, least * flow)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
+def _down(upper, middle, lower, blur, least, coarse):
+    for x in range(np.uintp(len(coarse))):
+        i = _TWO * x
+        flow = _in_line(upper[i], middle[i], lower[i])
+        flow += _in_line(upper[i + _ONE], middle[i + _ONE], lower[i + _ONE])
+        coarse[x] = max(flow - blur, least * flow)
+
+
+@numba.njit(nogil=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def _in_line(before, middle, after):
+    """Conductance across three faces in a line, between the centres of two and two cells of the same mass."""
+    half, none = np.float32(0.5), middle - middle
+    to_before, to_after = (none if before < WEAK * middle else half), (none if after < WEAK * middle else half)
+    before, after = (middle if before < WEAK * middle else before), (middle if after < WEAK * middle else after)
+    product = before * after
+    flow = middle * product / (product + middle * (to_before * after + to_after * before))
+    return flow if middle > 0 else none
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
+def _in_series(a, b, c, d, faces):
+    """Conductance from the centre of mass of cells a and b to that of c and d, across three faces; a, d 0 for none."""
+    before, middle, after = faces
+    if middle <= 0:
+        return middle - middle
+    if before < WEAK * middle:
+        before, a = middle, a - a
+    if after < WEAK * middle:
+        after, d = middle, d - d
+    product = before * after
+    return middle * product / (product + middle * (a / (a + b) * after + d / (c + d) * before))

@@ -1,0 +1,102 @@
+"""Which cells are joined to one of the next level.
+
+A face is *strong* if it would even out the smaller of its cells many times over, G > clip · m. Of two by two cells,
+those which strong faces connect are joined: what they hold is soon alike.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from fogpipe.kernels.diffusion.rows import four_rows, load_row
+
+_ONE, _TWO = np.uintp(1), np.uintp(2)
+
+
+@numba.njit(nogil=True, cache=True)
+def join(first, last, columns, rate, mass, east, south, clip, least, joined, alone, coarse_mass):
+    """Of each two by two cells with a strong face, those that such faces connect: the most mass, if not all."""
+    width = 2 * joined.shape[1] + 2
+    masses, across, down = four_rows(width, mass), four_rows(width, mass), four_rows(width, mass)
+    above, ours, beneath = np.zeros(width, np.uint8), np.zeros(width, np.uint8), np.zeros(width, np.uint8)
+    level = rate, mass, east, south
+    for row in range(max(2 * first - 1, 0), 2 * first + 1):
+        load_row(row, *level, masses, across, down)
+    if first > 0:
+        _strong(masses[3], masses[0], across[3], down[3], clip, beneath)
+    for y in range(first, last):
+        for row in range(2 * y + 1, 2 * y + 3):
+            load_row(row, *level, masses, across, down)
+        above, beneath = beneath, above
+        one, two, three = 2 * y & 3, 2 * y + 1 & 3, 2 * y + 2 & 3
+        _strong(masses[one], masses[two], across[one], down[one], clip, ours)
+        _strong(masses[two], masses[three], across[two], down[two], clip, beneath)
+        _join_all(masses[one], masses[two], ours, beneath, least, joined[y], alone[y], coarse_mass[y])
+        for x in range(joined.shape[1]):
+            if joined[y, x]:
+                continue
+            left, right = 2 * x, 2 * x + 1
+            m0, m1, m2, m3 = masses[one, left], masses[one, right], masses[two, left], masses[two, right]
+            a, b, c, d = ours[left], ours[right], beneath[left], beneath[right]
+            there = (1 if m0 > 0 else 0) | (2 if m1 > 0 else 0) | (4 if m2 > 0 else 0) | (8 if m3 > 0 else 0)
+            # Faces to the west and north belong to the cells there.
+            touched = (1 if a else 0) | (2 if b | (a & 1) else 0) | (4 if c | (a & 2) else 0)
+            touched |= 8 if d | (c & 1) | (b & 2) else 0
+            if x:
+                touched |= (ours[left - 1] & 1) | (beneath[left - 1] & 1) << 2
+            if y:
+                touched |= (above[left] & 2) >> 1 | (above[right] & 2)
+            heavy = (1 if m0 >= least else 0) | (2 if m1 >= least else 0) | (4 if m2 >= least else 0)
+            heavy |= 8 if m3 >= least else 0
+            able = there & touched & heavy
+            best, most = 0, mass.dtype.type(0)
+            while able:
+                part = _connected(able, a & 1, c & 1, a & 2, b & 2)
+                total = mass.dtype.type(0)
+                total += m0 if part & 1 else 0
+                total += m1 if part & 2 else 0
+                total += m2 if part & 4 else 0
+                total += m3 if part & 8 else 0
+                if total > most:
+                    best, most = part, total
+                able &= ~part
+            joined[y, x], alone[y, x], coarse_mass[y, x] = best, there & ~best, most
+
+
+@numba.njit(nogil=True, cache=True)
+def _strong(here, below, across, down, clip, strong):
+    """1 for a strong face to the east, 2 for one to the south, 3 for both."""
+    for x in range(len(here) - 1):
+        to_east = across[x] > clip * min(here[x], here[x + 1])
+        to_south = down[x] > clip * min(here[x], below[x])
+        strong[x] = np.uint8(to_east) | np.uint8(to_south) << np.uint8(1)
+
+
+@numba.njit(nogil=True, cache=True)
+def _join_all(upper, lower, ours, beneath, least, joined, alone, coarse_mass):
+    """Joins those of a row of two by two cells that can all be joined; ``joined`` is 0 for the others."""
+    for x in range(np.uintp(len(joined))):
+        i = _TWO * x
+        a, b, c, d = upper[i], upper[i + _ONE], lower[i], lower[i + _ONE]
+        connected = ours[i] & (ours[i + _ONE] | np.uint8(1)) & (beneath[i] << np.uint8(1) | np.uint8(1)) == np.uint8(3)
+        every = connected & (min(min(a, b), min(c, d)) >= least)
+        joined[x] = np.uint8(15) if every else np.uint8(0)
+        alone[x] = np.uint8(0)
+        coarse_mass[x] = (a + b) + (c + d)
+
+
+@numba.njit(nogil=True, cache=True)
+def _connected(able, upper, lower, left, right):
+    """The first of the able cells and those that it reaches by the four faces between them."""
+    part = able & -able
+    for _ in range(2):
+        if upper and part & 3:
+            part |= able & 3
+        if lower and part & 12:
+            part |= able & 12
+        if left and part & 5:
+            part |= able & 5
+        if right and part & 10:
+            part |= able & 10
+    return part

@@ -1,0 +1,55 @@
+"""Rows of the cells of a level, as kernels take them: those of pixels are made from their rates as they are needed."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+_ZERO, _ONE, _TWO, _THREE, _FOUR = (np.uintp(number) for number in range(5))
+
+
+@numba.njit(nogil=True, cache=True)
+def four_rows(width, like):
+    """Room for four rows, of which row y is in place y % 4. Cells behind the last column have no mass."""
+    return np.zeros((4, width), like.dtype)
+
+
+@numba.njit(nogil=True, cache=True)
+def load_row(y, rate, mass, east, south, masses, across, down):
+    """Masses of a row, and conductances to the east and south, in their places; beyond the last row all are 0."""
+    rows = len(rate) if rate.size else len(mass)
+    here, across, down = masses[y & 3], across[y & 3], down[y & 3]
+    if y >= rows:
+        here[:], across[:], down[:] = 0, 0, 0
+    elif rate.size:
+        _load_pixels(rate[y], rate[min(y + 1, rows - 1)], here, across, down)
+        if y == rows - 1:
+            down[:] = 0
+    else:
+        _load_cells(mass[y], east[y], south[y], here, across, down)
+
+
+@numba.njit(nogil=True, cache=True)
+def _load_pixels(rate, below, here, across, down):
+    one, half, last = here.dtype.type(1), here.dtype.type(0.5), np.uintp(len(rate) - 1)
+    for x in range(last):
+        here[x], across[x], down[x] = one, half * (rate[x] + rate[x + _ONE]), half * (rate[x] + below[x])
+    here[last], down[last] = one, half * (rate[last] + below[last])
+
+
+@numba.njit(nogil=True, cache=True)
+def _load_cells(mass, east, south, here, across, down):
+    for x in range(np.uintp(len(mass))):
+        here[x], across[x], down[x] = mass[x], east[x], south[x]
+
+
+@numba.njit(nogil=True, cache=True)
+def largest_of(rates):
+    """Largest of a row of rates, 0 for none. Of every fourth each, since one maximum has to wait for the one before."""
+    a = b = c = d = rates.dtype.type(0)
+    for i in range(_ZERO, np.uintp(len(rates)) & ~_THREE, _FOUR):
+        a, b = max(a, rates[i]), max(b, rates[i + _ONE])
+        c, d = max(c, rates[i + _TWO]), max(d, rates[i + _THREE])
+    for i in range(np.uintp(len(rates)) & ~_THREE, np.uintp(len(rates))):
+        a = max(a, rates[i])
+    return max(max(a, b), max(c, d))

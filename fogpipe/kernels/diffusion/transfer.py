@@ -1,0 +1,197 @@
+"""From pixels to the cells of a hierarchy and back: means on the way up, slopes between neighbours on the way down."""
+
+from __future__ import annotations
+
+import itertools
+
+import numba
+import numpy as np
+
+from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.bands import in_bands
+from fogpipe.kernels.channels import load, store
+from fogpipe.kernels.diffusion.coarsening import WEAK
+from fogpipe.kernels.diffusion.grid import Level
+from fogpipe.kernels.diffusion.partition import Partition
+
+_ONE, _FOUR, _EIGHT = np.uintp(1), np.uintp(4), np.uintp(8)
+
+
+def averaged(layer: FloatArray, levels: list[Level]) -> list[FloatArray]:
+    """The layer (H, W, 4) in rows of four numbers a cell, and for each further level the means over its cells."""
+    values = [in_rows(layer)]
+    for level, above in itertools.pairwise(levels):
+        rows, columns = above.shape
+        coarse = np.empty((rows, 4 * columns), layer.dtype)
+        full = layer.dtype.type(4 ** len(values))
+        in_bands(_average, rows, columns, values[-1], level.mass, level.joined, above.mass, full, coarse)
+        values.append(coarse)
+    return values
+
+
+def collected(values: list[FloatArray], cells: Partition) -> FloatArray:
+    """What each cell holds, four numbers one after the other (4 N)."""
+    held = np.empty(4 * len(cells.mass), values[0].dtype)
+    for own, alone, numbers in zip(values, cells.alone, cells.numbers, strict=True):
+        if numbers.size:
+            in_bands(_collect, *alone.shape, own, alone, numbers, held)
+    return held
+
+
+def spread(
+    held: FloatArray,
+    cells: Partition,
+    alone: list[np.ndarray],
+    levels: list[Level],
+    values: list[FloatArray],
+    after: FloatArray,
+    clip: float,
+) -> None:
+    """Write what the cells hold into their pixels, and of those that are ``alone`` into themselves."""
+    below = [in_rows(after), *values[1:]]
+    real = held.dtype.type
+    for k in range(len(levels) - 1, -1, -1):
+        if k + 1 < len(levels):
+            (_, whole, east, south, _, _), level = levels[k + 1], levels[k]
+            ways = (whole, real(4 ** (k + 1)), east, south, real(WEAK * clip / 4))
+            in_bands(_fill, *level.joined.shape, level.joined, level.mass, *ways, below[k + 1], below[k])
+        if cells.numbers[k].size:
+            in_bands(_give, *alone[k].shape, held, alone[k], cells.numbers[k], below[k])
+
+
+def in_rows(layer: FloatArray) -> FloatArray:
+    """A layer (H, W, 4) as rows of four numbers a pixel (H, 4 W), which is the same memory."""
+    return layer.reshape(len(layer), -1)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _average(first, last, values, mass, joined, whole, full, coarse):
+    for y in range(first, last):
+        x = 0
+        while x < joined.shape[1]:
+            start = x
+            while x < joined.shape[1] and whole[y, x] == full:
+                x += 1
+            if x > start:
+                _mean_of_four(values[2 * y, 8 * start :], values[2 * y + 1, 8 * start :], coarse[y, 4 * start : 4 * x])
+                continue
+            own = np.uintp(4 * x)
+            coarse[y, 4 * x : 4 * x + 4] = 0
+            for k in range(4):
+                if joined[y, x] >> k & 1:
+                    row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
+                    share = _mass(mass, row, column) / whole[y, x]
+                    store(coarse[y], own, load(coarse[y], own) + share * load(values[row], np.uintp(4 * column)))
+            x += 1
+
+
+@numba.njit(nogil=True, cache=True)
+def _mean_of_four(upper, lower, coarse):
+    quarter = coarse.dtype.type(0.25)
+    for x in range(np.uintp(len(coarse)) // _FOUR):
+        left, right = _EIGHT * x, _EIGHT * x + _FOUR
+        both = (load(upper, left) + load(upper, right)) + (load(lower, left) + load(lower, right))
+        store(coarse, _FOUR * x, quarter * both)
+
+
+@numba.njit(nogil=True, cache=True)
+def _collect(first, last, values, alone, numbers, held):
+    for y in range(first, last):
+        for x in range(alone.shape[1]):
+            single = alone[y, x]
+            if single:
+                for k in range(4):
+                    if single >> k & 1:
+                        row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
+                        store(held, np.uintp(4 * numbers[row, column]), load(values[row], np.uintp(4 * column)))
+
+
+@numba.njit(nogil=True, cache=True)
+def _give(first, last, held, alone, numbers, values):
+    for y in range(first, last):
+        for x in range(alone.shape[1]):
+            single = alone[y, x]
+            if single:
+                for k in range(4):
+                    if single >> k & 1:
+                        row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
+                        store(values[row], np.uintp(4 * column), load(held, np.uintp(4 * numbers[row, column])))
+
+
+@numba.njit(nogil=True, cache=True)
+def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, values):
+    """Each joined cell gets what its coarse cell holds, a quarter of the way to each of the two that it lies next to.
+
+    The cell beyond gives as much as it takes, so the mean is kept. Level upon level this makes a smooth surface.
+    """
+    rows, columns = joined.shape
+    zero, quarter = mass.dtype.type(0), mass.dtype.type(0.25)
+    smooth = np.zeros(columns, np.bool_)
+    for y in range(first, last):
+        n, s = max(y - 1, 0), min(y + 1, rows - 1)
+        if 0 < y < rows - 1:
+            _open_around(whole[n], whole[y], whole[s], full, south[n], east[y], south[y], weakest, smooth)
+        else:
+            smooth[:] = False
+        x = 0
+        while x < columns:
+            start = x
+            while smooth[x]:
+                x += 1
+            if x > start:
+                run = slice(4 * start, 4 * x)
+                above, ours, beneath = coarse[n, run], coarse[y, 4 * start - 4 :], coarse[s, run]
+                _fill_four(above, ours, beneath, values[2 * y, 8 * start :], values[2 * y + 1, 8 * start :])
+                continue
+            part, m, w, e = joined[y, x], whole[y, x], max(x - 1, 0), min(x + 1, columns - 1)
+            # Which of the cells beyond may give: those at the same height, or above and below, if the way is open.
+            to_west = joined[y, w] & 10 if x and east[y, w] > weakest * min(m, whole[y, w]) else 0
+            to_east = joined[y, e] & 5 if east[y, x] > weakest * min(m, whole[y, e]) else 0
+            to_north = joined[n, x] & 12 if y and south[n, x] > weakest * min(m, whole[n, x]) else 0
+            to_south = joined[s, x] & 3 if south[y, x] > weakest * min(m, whole[s, x]) else 0
+            here = load(coarse[y], np.uintp(4 * x))
+            for k in range(4):
+                if part >> k & 1:
+                    right, lower = k & 1, k >> 1
+                    row, column = 2 * y + lower, 2 * x + right
+                    own = _mass(mass, row, column)
+                    beside, below = zero, zero
+                    if (to_east if right else to_west) >> (k ^ 1) & 1:
+                        beside = quarter * min(own, _mass(mass, row, column + 2 * right - 1)) / own
+                    if (to_south if lower else to_north) >> (k ^ 2) & 1:
+                        below = quarter * min(own, _mass(mass, row + 2 * lower - 1, column)) / own
+                    across = load(coarse[y], np.uintp(4 * (e if right else w)))
+                    down = load(coarse[s if lower else n], np.uintp(4 * x))
+                    store(values[row], np.uintp(4 * column), here + beside * (across - here) + below * (down - here))
+            x += 1
+
+
+@numba.njit(nogil=True, cache=True)
+def _open_around(above, ours, beneath, full, north, east, south, weakest, smooth):
+    """Whether a cell and the four around it are whole, and the ways between them open; not so in the outer columns."""
+    least = weakest * full
+    for x in range(_ONE, np.uintp(len(ours) - 1)):
+        alike = (ours[x - _ONE] == full) & (ours[x] == full) & (ours[x + _ONE] == full)
+        alike &= (above[x] == full) & (beneath[x] == full)
+        smooth[x] = alike & (east[x - _ONE] > least) & (east[x] > least) & (north[x] > least) & (south[x] > least)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _fill_four(above, ours, beneath, upper, lower):
+    """Of cells of two by two; ``ours`` begins and ends with one cell more."""
+    half, quarter = above.dtype.type(0.5), above.dtype.type(0.25)
+    for x in range(np.uintp(len(above)) // _FOUR):
+        own, left, right = _FOUR * x, _EIGHT * x, _EIGHT * x + _FOUR
+        # Half of its own and a quarter of both, in each of the four corners.
+        here = half * load(ours, own + _FOUR)
+        west, east = quarter * load(ours, own), quarter * load(ours, own + _EIGHT)
+        north, south = here + quarter * load(above, own), here + quarter * load(beneath, own)
+        store(upper, left, north + west)
+        store(upper, right, north + east)
+        store(lower, left, south + west)
+        store(lower, right, south + east)
+
+
+@numba.njit(nogil=True, cache=True)
+def _mass(mass, y, x):
+    return mass[y, x] if mass.size else mass.dtype.type(1)
