@@ -41,7 +41,7 @@ SMALLEST_SHARE = 1e-5
 """Less is lost in the rounding of float32."""
 FEWEST_PIXELS = 65_536
 """A smaller layer is quick to do on the pixels, and its cells would soon be few."""
-MOST_CELLS = 0.19
+MOST_CELLS = 0.23
 """For each pixel, as estimated. More were seen to take more memory than three layers."""
 ROUGHEST = 0.5
 """Step between neighbours over the variation, above which a layer is no photograph: 0.1 to 0.3 there, 1 in noise."""
@@ -122,9 +122,9 @@ def choose(layer: FloatArray, rate: FloatArray, largest: float, tolerance: float
                 plan = Plan(clip, 1, _bounded(math.sqrt(left) / (OF_DETAIL * detail)))
                 on_grid_degree, degree = (degree_for(8 * each, plan.share) for each in (clip, CAP * clip))
                 cells, others = _cells(some, clip, on_grid_degree)
-                # In steps on the pixels, of which a step of as many cells takes two, and to set up the cells eight.
+                # In steps on the pixels, of which a step of as many cells takes five, and to set up the cells eight.
                 if cells <= MOST_CELLS:
-                    plans.append((8 + 2 * cells * degree + others * on_grid_degree, plan))
+                    plans.append((8 + 5 * cells * degree + others * on_grid_degree, plan))
     return min(plans)[1]
 
 
