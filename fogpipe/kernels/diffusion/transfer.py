@@ -7,7 +7,7 @@ import itertools
 import numba
 import numpy as np
 
-from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.arrays import FloatArray, floats
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.coarsening import WEAK
@@ -24,7 +24,8 @@ def averaged(layer: FloatArray, levels: list[Level]) -> list[FloatArray]:
         rows, columns = above.shape
         coarse = np.empty((rows, 4 * columns), layer.dtype)
         full = layer.dtype.type(4 ** len(values))
-        in_bands(_average, rows, columns, values[-1], level.mass, level.joined, above.mass, full, coarse)
+        (fine,) = floats(values[-1])
+        in_bands(_average, rows, columns, fine, level.mass, level.joined, above.mass, full, coarse)
         values.append(coarse)
     return values
 
