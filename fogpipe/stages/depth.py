@@ -119,13 +119,14 @@ def from_photo(
     box = vanishing.box_nearness(sky.shape, point, width, ceiling)
     objects = cues.prominence(flat)
     standing = _unit(_row_nearness(*sky.shape) + np.float32(prominence) * objects)
+    matte = cues.sky_matte(display, np.minimum(sky / np.float32(CERTAIN_SKY), 1))
     level = horizon.horizon_of(sky)
-    standing += level.confidence * (horizon.ground_nearness(sky, level, objects, prominence) - standing)
+    hidden = cues.hiding_sky(matte, sky.shape)
+    standing += level.confidence * (horizon.ground_nearness(hidden, level, objects, prominence, ceiling) - standing)
     nearness = cv2.resize(point.confidence * box + (1 - point.confidence) * standing, (columns, rows))
     radius = max(1, round(detail * max(rows, columns)))
     scale = min(1.0, (cap * 1e6 / (rows * columns)) ** 0.5)
     nearness = np.clip(cv2.ximgproc.guidedFilter(display, nearness, radius, edge**2, scale=scale), 0, 1)
-    matte = cues.sky_matte(display, np.minimum(sky / np.float32(CERTAIN_SKY), 1))
     return PhotoDepth((1 - (1 - matte) * nearness).astype(np.result_type(image, np.float32)), matte > 0.5)
 
 
