@@ -48,8 +48,11 @@ def test_on_roads_the_sky_is_far_and_found():
         image, true_range = scene(name)
         depth, sky = from_photo(image)
         unmeasured = np.isnan(true_range)  # in this sample, that is the sky
-        assert np.mean(sky == unmeasured) > 0.95  # what is left is leaves and wires
+        # Measured: 0.994 to 0.996; what is left is leaves and wires.
+        assert np.mean(sky == unmeasured) > 0.985
         assert np.median(depth[unmeasured]) > 0.98
+        # Measured: 1.7 to 1.8 %, gaps between leaves; with clouds cut out around chimneys and trees 2.5 %.
+        assert np.mean(depth[unmeasured] < 0.95) < 0.022
 
 
 def test_the_sky_of_a_night_photo_is_sky_and_its_masts_are_not():

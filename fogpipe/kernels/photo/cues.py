@@ -146,9 +146,10 @@ def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
     rows, columns = display.shape[:2]
     coarse = lab(np.asarray(cv2.resize(display, sky.shape[::-1], interpolation=cv2.INTER_AREA), np.float32))
     certain = cv2.erode(np.where(sky > 0.5, sky, 0).astype(np.float32), np.ones((3, 3), np.uint8))
-    spread = max(1.0, 0.03 * max(sky.shape))
-    weight = cv2.GaussianBlur(certain, (0, 0), spread)
-    beside = cv2.GaussianBlur(coarse * certain[..., None], (0, 0), spread) / np.maximum(weight, 1e-6)[..., None]
+    known = np.dstack([coarse * certain[..., None], certain])
+    near, wide = (cv2.GaussianBlur(known, (0, 0), max(1.0, share * max(sky.shape))) for share in (0.01, 0.03))
+    near += np.float32(0.5) * wide  # what is nearer weighs more: clouds change within a few pixels
+    beside = near[..., :3] / np.maximum(near[..., 3:], 1e-6)
     inner = cv2.erode(sky, np.ones((5, 5), np.uint8))
     outer = cv2.GaussianBlur(cv2.dilate(sky, np.ones((13, 13), np.uint8)), (0, 0), 2)
     fields = cv2.resize(np.dstack([beside, inner, outer]), (columns, rows))
