@@ -60,7 +60,8 @@ def from_photo(
     ends at a horizon :math:`y_1`, and the ground is :math:`n_\mathrm{row} \propto (y - y_1)(1 + p\,o)`; what hides the
     sky is an object c camera heights tall, all of it at the range at which that looks as long. The confidence γ in the
     vanishing point mixes the two, and sky, of likelihood s, is far:
-    :math:`d = 1 - (1 - s)(\gamma n_\mathrm{box} + (1 - \gamma) n_\mathrm{row})`. A guided filter brings the edges of the depth to those of the photo.
+    :math:`d = 1 - (1 - s)(\gamma n_\mathrm{box} + (1 - \gamma) n_\mathrm{row})`. A guided
+    filter brings the edges of the depth to those of the photo.
 
     Parameters
     ----------

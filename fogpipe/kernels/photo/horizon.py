@@ -49,8 +49,8 @@ def ground_nearness(
 
     The inverse depth of the ground at the row y is proportional to y − y₀, nothing at the horizon y₀, whatever is
     seen there; where the horizon is low, even the lower edge is far. What stands out from the ground is nearer by a
-    factor, 1 + ``weight`` × ``prominence``. What hides the sky is an object that stands on the ground. Of objects of one
-    true height, the one that looks taller is nearer, in proportion.
+    factor, 1 + ``weight`` × ``prominence``. What hides the sky is an object that stands on the ground. Of
+    objects of one true height, the one that looks taller is nearer, in proportion.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def _longest_from_top(solid: FloatArray) -> FloatArray:
 
 
 def _spread(length: FloatArray, hidden: FloatArray) -> FloatArray:
-    """The lengths, smooth, and carried over the edges of the objects, which are found again at the size of the photo."""
+    """The lengths, smooth, and carried over the edges of the objects, which are found anew at the size of the photo."""
     import cv2
 
     solid = (hidden > 0.5).astype(np.float32)
