@@ -175,7 +175,8 @@ def hiding_sky(matte: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     import cv2
 
     share = cv2.resize(1 - matte, shape[::-1], interpolation=cv2.INTER_AREA)
-    return cv2.morphologyEx(np.minimum(3 * share, 1), cv2.MORPH_CLOSE, np.ones((THICKEST, THICKEST), np.uint8))
+    closed = cv2.morphologyEx(np.minimum(3 * share, 1), cv2.MORPH_CLOSE, np.ones((THICKEST, THICKEST), np.uint8))
+    return np.asarray(closed, np.float32)
 
 
 def prominence(flat: FloatArray) -> FloatArray:
