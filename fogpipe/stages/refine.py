@@ -41,7 +41,7 @@ def bilateral(
 
     Notes
     -----
-    At the border of the image the window is cut off. The fast solver takes about 0.2 µs per pixel, the exact one 10 µs;
+    At the border of the image the window is cut off. The fast solver takes about 0.1 µs per pixel, the exact one 2 µs;
     the time of the fast one grows with σc and with 1/σs, of the exact one with σc². The error of the fast one is at
     most half the tolerance on noise, and a hundredth of it on photos; ``fogpipe bench photo`` measures both.
 

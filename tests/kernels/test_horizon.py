@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fogpipe.kernels.photo.cues import trust
-from fogpipe.kernels.photo.horizon import TALLEST, Horizon, ground_nearness, horizon_of
+from fogpipe.kernels.photo.cues import hiding_sky, trust
+from fogpipe.kernels.photo.horizon import ASIDE, Horizon, ground_nearness, horizon_of, upright_length
 
 ROWS, COLUMNS = 100, 160
 
@@ -22,8 +22,12 @@ def plain() -> np.ndarray:
     return np.zeros((ROWS, COLUMNS), np.float32)
 
 
+HEIGHT = 4.0
+"""To which objects reach above the camera, in camera heights."""
+
+
 def nearness(sky: np.ndarray, y: float, objects: np.ndarray | None = None, weight: float = 0.6) -> np.ndarray:
-    return ground_nearness(sky, Horizon(y, 1.0), plain() if objects is None else objects, weight)
+    return ground_nearness(1 - sky, Horizon(y, 1.0), plain() if objects is None else objects, weight, HEIGHT)
 
 
 @pytest.mark.parametrize("row", [10, 40, 80])
@@ -78,14 +82,16 @@ def test_what_stands_out_of_the_ground_is_nearer_by_a_factor():
     np.testing.assert_array_equal(near[:, 5], near[:, 155])
 
 
-def test_what_hides_the_sky_is_nearer_the_higher_it_reaches_and_of_one_depth():
+def test_of_objects_of_one_height_the_one_that_looks_taller_is_nearer():
     sky = sky_down_to(60)
     sky[:, 20:50] = 0  # up to the upper edge
     sky[30:, 90:120] = 0  # half as high
     near = nearness(sky, 0.6)
+    # A camera height at nearness 1 spans half the photo: the lower edge is 45° below a horizon in the middle.
+    tall = 0.6 / (HEIGHT * 0.5)
     # The middles of the two are 15 columns from their sides, ten times the deviation of the blur between columns.
-    assert near[:60, 35] == pytest.approx(TALLEST, rel=1e-5)
-    assert near[:60, 105] == pytest.approx(TALLEST / 2, rel=1e-5)
+    assert near[:60, 35] == pytest.approx(tall, rel=1e-5)
+    assert near[30:60, 105] == pytest.approx(tall / 2, rel=1e-5)
     assert (near[:60, 70] < 1e-3).all()
 
 
@@ -95,7 +101,44 @@ def test_it_stands_on_the_ground_where_that_is_as_near():
     near = nearness(sky, 0.5)
     feet = np.flatnonzero(np.diff(near[:, 35]) > 0)[0] + 1
     assert near[feet, 35] == pytest.approx(near[feet, 150])  # from here down, it is the ground
-    assert near[feet, 35] == pytest.approx(TALLEST, abs=0.02)  # a row of ground is 1/50
+    assert near[feet, 35] == pytest.approx(1 / HEIGHT, abs=0.02)  # a row of ground is 1/50
+
+
+def test_all_of_a_mast_has_one_length_and_so_one_range():
+    hidden = plain()
+    hidden[10:40, 80] = 1  # a pole
+    for row in range(40, 90):  # on two legs that spread by 1 in 10
+        spread = 1 + (row - 40) // 10
+        hidden[row, [80 - spread, 79 - spread, 80 + spread, 81 + spread]] = 1
+    hidden[40, 76:85] = 1  # below a platform
+    lengths = upright_length(hidden)
+    steps = 5  # aside, from the pole to the inner side of a foot
+    assert lengths.max() == 80 - steps * ASIDE
+    assert (lengths[10:40, 80] == lengths.max()).all()
+    # What is on no shortest way, the outer side of a leg and the ends of the platform, is a step or two from one.
+    assert lengths[hidden > 0].min() >= lengths.max() - 4 * ASIDE
+
+
+def test_what_floats_or_stands_beside_a_mast_has_a_length_of_its_own():
+    hidden = plain()
+    hidden[:, 80] = 1
+    hidden[80:, 20:] = 1  # a hedge, before which the mast stands
+    hidden[30:33, 20:23] = 1  # a bird
+    lengths = upright_length(hidden)
+    assert (lengths[:, 80] == ROWS).all()
+    assert lengths[85, 77] == ROWS - 3 * ASIDE
+    assert lengths[85, 30] == 20
+    assert lengths[31, 21] == 3
+    assert lengths[10, 10] == 0
+
+
+def test_a_lattice_hides_the_sky_as_a_whole_and_specks_hide_nothing():
+    matte = np.ones((300, 480), np.float32)
+    matte[:, [100, 108, 116]] = 0  # 3 bars a pixel wide, 8 apart: on the coarse grid a third of every second pixel
+    matte[::12, 300] = 0  # specks
+    hidden = hiding_sky(matte, (ROWS, COLUMNS)) > 0.5
+    assert hidden[:, 34:38].all()
+    assert not hidden[:, 80:].any()
 
 
 def test_nearness_has_the_range_of_a_share():

@@ -72,6 +72,12 @@ def test_visibility_is_where_contrast_falls_to_the_threshold():
     np.testing.assert_allclose(result["transmission"], 0.05 ** (result["range"] / 200), rtol=1e-5)
 
 
+def test_the_visibility_that_was_used_is_an_output():
+    settings = {"fog.visibility": None, "fog.weather": "thick-fog"}
+    visibility = fogpipe.load("photo-fog", set=settings).run(image=photo("coffee"), to=["visibility"])["visibility"]
+    assert visibility == pytest.approx(100)  # metres, the geometric mean of 50 and 200
+
+
 def test_less_visibility_is_more_fog():
     transmissions = [
         fogpipe.load("photo-fog", set={"fog.visibility": v}).run(image=photo("coffee"), to=["transmission"])

@@ -48,8 +48,11 @@ def test_on_roads_the_sky_is_far_and_found():
         image, true_range = scene(name)
         depth, sky = from_photo(image)
         unmeasured = np.isnan(true_range)  # in this sample, that is the sky
-        assert np.mean(sky == unmeasured) > 0.95  # what is left is leaves and wires
+        # Measured: 0.994 to 0.996; what is left is leaves and wires.
+        assert np.mean(sky == unmeasured) > 0.985
         assert np.median(depth[unmeasured]) > 0.98
+        # Measured: 1.7 to 1.8 %, gaps between leaves; with clouds cut out around chimneys and trees 2.5 %.
+        assert np.mean(depth[unmeasured] < 0.95) < 0.022
 
 
 def test_the_sky_of_a_night_photo_is_sky_and_its_masts_are_not():
@@ -58,6 +61,17 @@ def test_the_sky_of_a_night_photo_is_sky_and_its_masts_are_not():
     assert sky[:200, 100:250].mean() > 0.9  # between two masts
     assert depth[:200, 100:130].min() > 0.95
     assert depth[200:350, 318:322].max() < 0.8  # the rocket
+
+
+def test_a_mast_before_the_sky_stands_at_one_range():
+    """The thin mast right of the rocket: a pole on a lattice whose bars are as bright as the sky."""
+    image = np.clip(open_scene("sample:rocket").load("srgb").values["image"], 0, 1)
+    depth = from_photo(image).depth
+    pole, leg = depth[130:190, 440:455].min(axis=1), depth[230:400, 435:480].min(axis=1)
+    assert pole.max() < 0.8
+    # One range within a tenth of the nearness: the lengths of two paths, up to the pole and along a leg.
+    assert abs(np.median(leg) - np.median(pole)) < 0.1 * (1 - np.median(pole))
+    assert np.percentile(leg, 95) < 0.8  # no gaps
 
 
 def test_studio_backdrops_and_brick_are_no_sky(shared_data):

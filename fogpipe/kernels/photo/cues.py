@@ -114,21 +114,21 @@ def behind_thin_objects(sky: FloatArray, colour: FloatArray) -> FloatArray:
     kept = np.zeros(number, bool)
     kept[np.unique(labels[certain > 0])] = True
     kept[0] = False
-    thin = thin_objects(np.ascontiguousarray(colour[..., 0]), THICKEST + 2)
+    thin = thin_objects(colour, THICKEST + 2)
     return np.maximum(sky * (1 - thin), alike * kept[labels])
 
 
-def thin_objects(lightness: FloatArray, width: int) -> FloatArray:
+def thin_objects(colour: FloatArray, width: int) -> FloatArray:
     """How surely each pixel is part of something upright and thinner than ``width`` pixels, 0 to 1.
 
-    Masts are brighter or darker than what is left and right of them: top hats of the lightness (0 to 100) along the
-    rows. Thin clouds lie along the rows, and do not count.
+    Masts are brighter or darker, redder or yellower, than what is left and right of them: top hats of L*a*b* along
+    the rows. Thin clouds lie along the rows, and do not count.
     """
     import cv2
 
     window = np.ones((1, width | 1), np.uint8)
-    bright, dark = (cv2.morphologyEx(lightness, way, window) for way in (cv2.MORPH_TOPHAT, cv2.MORPH_BLACKHAT))
-    return 1 - np.exp(-((np.maximum(np.maximum(bright, dark) - 2, 0) / 4) ** 2))
+    bright, dark = (cv2.morphologyEx(colour, way, window) for way in (cv2.MORPH_TOPHAT, cv2.MORPH_BLACKHAT))
+    return 1 - np.exp(-((np.maximum(np.maximum(bright, dark).max(axis=2) - 2, 0) / 4) ** 2))
 
 
 def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
@@ -146,19 +146,37 @@ def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
     rows, columns = display.shape[:2]
     coarse = lab(np.asarray(cv2.resize(display, sky.shape[::-1], interpolation=cv2.INTER_AREA), np.float32))
     certain = cv2.erode(np.where(sky > 0.5, sky, 0).astype(np.float32), np.ones((3, 3), np.uint8))
-    spread = max(1.0, 0.03 * max(sky.shape))
-    weight = cv2.GaussianBlur(certain, (0, 0), spread)
-    beside = cv2.GaussianBlur(coarse * certain[..., None], (0, 0), spread) / np.maximum(weight, 1e-6)[..., None]
+    known = np.dstack([coarse * certain[..., None], certain])
+    near, wide = (cv2.GaussianBlur(known, (0, 0), max(1.0, share * max(sky.shape))) for share in (0.01, 0.03))
+    near += np.float32(0.5) * wide  # what is nearer weighs more: clouds change within a few pixels
+    beside = near[..., :3] / np.maximum(near[..., 3:], 1e-6)
     inner = cv2.erode(sky, np.ones((5, 5), np.uint8))
     outer = cv2.GaussianBlur(cv2.dilate(sky, np.ones((13, 13), np.uint8)), (0, 0), 2)
     fields = cv2.resize(np.dstack([beside, inner, outer]), (columns, rows))
     difference = lab(display)
     width = max(3, round(THICKEST * max(rows, columns) / max(sky.shape)))
-    solid = 1 - thin_objects(np.ascontiguousarray(difference[..., 0]), width)
+    solid = 1 - thin_objects(difference, width)
     difference -= fields[..., :3]
     beyond_noise = np.maximum(np.sqrt(np.einsum("ijk,ijk->ij", difference, difference)) - 6, 0)
     alike = np.exp(-((beyond_noise / 9) ** 2))
     return np.clip(np.maximum(alike * fields[..., 4], fields[..., 3] * solid), 0, 1)
+
+
+def hiding_sky(matte: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Share of each pixel of a coarser grid, of rows and columns ``shape``, that hides the sky, 0 to 1.
+
+    Lattices are closed: a third of a pixel hides all of it, and so does what surrounds a gap of less than
+    :data:`THICKEST` pixels.
+
+    Parameters
+    ----------
+    matte : (H, W) share of sky, at the size of the photo.
+    """
+    import cv2
+
+    share = cv2.resize(1 - matte, shape[::-1], interpolation=cv2.INTER_AREA)
+    closed = cv2.morphologyEx(np.minimum(3 * share, 1), cv2.MORPH_CLOSE, np.ones((THICKEST, THICKEST), np.uint8))
+    return np.asarray(closed, np.float32)
 
 
 def prominence(flat: FloatArray) -> FloatArray:
