@@ -1,9 +1,8 @@
 """A hierarchy of cells that fit the scales: large where the blur is wide, never on both sides of a wall.
 
 Light moves between neighbouring cells of mass m by conductances G across their common face, dF/dt = Σ G ΔF / m. Pixels
-have the mass 1 and the conductance ϱ, the mean of both sides. A face is *strong* if it would even out the smaller of
-its cells many times over, G > clip · m. Of two by two cells, those which strong faces connect are joined to one cell of
-the next level: what they hold is soon alike. The others stay as they are, however much is blurred beside them.
+have the mass 1 and the conductance ϱ, the mean of both sides. Of two by two cells, those which strong faces connect are
+joined to one cell of the next level. The others stay as they are, however much is blurred beside them.
 """
 
 from __future__ import annotations
@@ -68,16 +67,15 @@ def hierarchy(rate: FloatArray, clip: float) -> list[Level]:
     levels: list[Level] = []
     while True:
         square = 4 ** len(levels)
-        # A wall between two parts is only seen among more cells.
-        strong = real(clip if min(rows, columns) > 2 else np.inf)
+        strong = real(clip if min(rows, columns) > 2 else np.inf)  # so few cells are left as they are
         joined, alone = (np.empty(((rows + 1) // 2, (columns + 1) // 2), np.uint8) for _ in range(2))
         mass, east, south = (np.empty(joined.shape, rate.dtype) for _ in range(3))
-        in_bands(join, *joined.shape, columns, *cells, strong, real(LEAST_SHARE * square), joined, alone, mass)
+        in_bands(join, *joined.shape, *cells, strong, real(LEAST_SHARE * square), joined, alone, mass)
         levels.append(Level(*cells, joined, alone))
         if not joined.any():
             return levels
         full, blur, least = real(4 * square), real(BLUR * square), real(max(1 - BLUR / clip, LEAST_LEFT))
-        in_bands(coarsen, *joined.shape, columns, *cells, joined, mass, full, blur, least, east, south)
+        in_bands(coarsen, *joined.shape, *cells, joined, mass, full, blur, least, east, south)
         cells = nothing, mass, east, south
         rows, columns = joined.shape
 

@@ -15,7 +15,7 @@ _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
 @numba.njit(nogil=True, cache=True)
-def join(first, last, columns, rate, mass, east, south, clip, least, joined, alone, coarse_mass):
+def join(first, last, rate, mass, east, south, clip, least, joined, alone, coarse_mass):
     """Of each two by two cells with a strong face, those that such faces connect: the most mass, if not all."""
     width = 2 * joined.shape[1] + 2
     masses, across, down = four_rows(width, mass), four_rows(width, mass), four_rows(width, mass)
