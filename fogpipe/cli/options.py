@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -50,8 +51,10 @@ class Project:
     def _read(cls, path: Path) -> Project:
         try:
             settings = tomllib.loads(path.read_text(encoding="utf-8")).get("tool", {}).get("fogpipe", {})
-        except (OSError, ValueError) as error:
-            raise RequestError(f"{path} cannot be read: {error}.") from error
+        except OSError as error:
+            raise RequestError(f"{path} cannot be read: {error.strerror}.") from error
+        except ValueError as error:
+            raise RequestError(f"{path} is not readable TOML: {error}.") from error
         plugins = settings.get("plugins", [])
         if unknown := settings.keys() - {"plugins"}:
             raise RequestError(
@@ -99,3 +102,14 @@ def make_request(scene: str | None, inputs: list[str] | None, depth: str | None,
             raise RequestError(f"-i {text}: write it as NAME=FILE, for example -i image=photo.png.")
         files[name] = path
     return Request(scene, files, depth, camera)
+
+
+def print_card(markdown: str) -> None:
+    """Print Markdown to standard output, laid out where that is a terminal."""
+    if not sys.stdout.isatty():
+        typer.echo(markdown)
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    Console().print(Markdown(markdown))

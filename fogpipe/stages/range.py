@@ -57,7 +57,12 @@ def farthest(range_map: Range, *, percentile: Annotated[float, Gt(0), Le(100)] =
     return np.array(np.percentile(measured, percentile) if measured.size else np.nan, np.float64)
 
 
-@stage("range.to_relative")
+def _near_before_far(near: float | None, far: float | None) -> None:
+    if near is not None and far is not None and far < near:
+        raise ValueError(f"far ({far:g} m) must be beyond near ({near:g} m).")
+
+
+@stage("range.to_relative", requires=_near_before_far)
 def to_relative(
     range_map: Range,
     *,
@@ -86,8 +91,8 @@ def to_relative(
     measured = range_map[np.isfinite(range_map)]
     first = near if near is not None else float(measured.min(initial=np.inf))
     last = far if far is not None else float(measured.max(initial=first))
-    if last < first < np.inf:
-        raise ValueError(f"far ({last:g} m) must be beyond near ({first:g} m).")
+    if first < np.inf:
+        _near_before_far(first, last)
     relative = np.full_like(range_map, np.nan)
     relative[np.isposinf(range_map)] = 1
     span = max(last - first, np.finfo(range_map.dtype).tiny)
