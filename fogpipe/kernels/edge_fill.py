@@ -64,4 +64,4 @@ def _from_blocks(values: np.ndarray, unknown: np.ndarray, guide: FloatArray, blo
 
 
 def _block_means(array: np.ndarray, height: int, width: int) -> FloatArray:
-    return cv2.resize(array, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(array, (width, height), interpolation=cv2.INTER_AREA), array.dtype)

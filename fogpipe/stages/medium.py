@@ -109,7 +109,7 @@ def visibility_from_extinction(extinction: float, threshold: Threshold = "wmo-5%
     """
     if not extinction >= 0:
         raise ValueError(f"extinction must be 0 or more per metre, not {extinction:g}.")
-    return -math.log(_CONTRAST[threshold]) / extinction if extinction else math.inf
+    return -math.log(_CONTRAST[threshold]) / float(extinction) if extinction else math.inf
 
 
 def visibility_of(weather: Weather) -> float:

@@ -37,11 +37,21 @@ def test_without_contrast_the_share_falls_with_the_distance():
     np.testing.assert_allclose(found, [0.8, 0.6, 0.4, 0.2], atol=1e-5)  # float32
 
 
-def test_a_sky_that_is_far_from_the_gap_is_known_all_the_same():
+def test_a_sky_that_is_near_is_known_in_a_gap_and_one_that_is_far_is_not():
     image, masks = edge([0.0] * 60)
-    masks["sky"] &= np.arange(len(image))[:, None] < 2
-    masks["width"] = 1.0  # of windows that reach no farther than 8 px
-    assert share_of_scene(image, **masks).max() < 3e-3
+    masks["width"] = 1.0  # sky is near within 16 px
+    found = share_of_scene(image, **masks).reshape(60, 9)[:, 0]
+    assert found[:15].max() < 3e-3
+    assert (found[17:] == 1).all()
+
+
+def test_a_sky_of_many_colours_tells_nothing():
+    image, masks = edge([0.0] * 4)
+    sky = masks["sky"]
+    image[sky] = np.random.default_rng(0).random((np.count_nonzero(sky), 3), np.float32)
+    found = share_of_scene(image, **masks).reshape(4, 9)[::-1].mean(axis=1)
+    assert (np.diff(found) < 0).all()  # by the distance
+    assert found.min() > 0.1
 
 
 def test_a_picture_that_is_not_finite_is_refused():
@@ -49,3 +59,11 @@ def test_a_picture_that_is_not_finite_is_refused():
     image[0, 0] = np.nan
     with pytest.raises(ValueError, match="image is NaN"):
         share_of_scene(image, **masks)
+
+
+def test_a_lamp_and_a_sun_tell_nothing():
+    image, masks = edge([1.0, 0.6, 0.25, 0.0])
+    image[26, 4], image[10, 4] = 1e4, 1e5
+    found = share_of_scene(image, **masks).reshape(4, 9)[:, 0]
+    # The lamp is one of 20 to 40 pixels of the scene, and counts as twice the sky: it moves their mean by a tenth.
+    np.testing.assert_allclose(found, [0.0, 0.25, 0.6, 1.0], atol=0.15)
