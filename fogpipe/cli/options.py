@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from fogpipe.runtime.inputs import Request
     from fogpipe.runtime.pipeline import Pipeline
 
-PipelineName = Annotated[str, typer.Argument(metavar="PIPELINE", help="A shipped pipeline, or a YAML file.")]
+PipelineName = Annotated[
+    str,
+    typer.Argument(
+        metavar="PIPELINE",
+        help="A shipped pipeline (hansard2019, photo-fog, yan2013, …; a wrong name lists all) or a YAML file.",
+    ),
+]
 Scene = Annotated[str | None, typer.Option(help="sample:motorcycle, sample:outdoor, … or a scene file.")]
 InputFiles = Annotated[list[str] | None, typer.Option("-i", "--input", metavar="NAME=FILE", help="File of one input.")]
 DepthEncoding = Annotated[str | None, typer.Option("--depth", metavar="ENCODING", help="How depth files are encoded.")]

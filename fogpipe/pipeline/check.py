@@ -57,6 +57,7 @@ class _Checker:
         if not self.file.outputs and not any(problem.where in ("file", "outputs") for problem in self.spec.problems):
             self.spec.problem(("outputs",), "is empty; name at least one output.")
         order = self._order(nodes)
+        self._report_strangers()
         self._report_unused()
         return Graph(
             source=self.spec.source,
@@ -243,6 +244,15 @@ class _Checker:
             return list(nodes)
         position = {name: index for index, name in enumerate(nodes)}
         return list(nx.lexicographical_topological_sort(edges, key=position.__getitem__))
+
+    def _report_strangers(self) -> None:
+        for name in self.spec.strangers:
+            of = [
+                f"{stage}.{name}" for stage, contract in self.contracts.items() if name in contract.model.model_fields
+            ]
+            hint = f" Did you mean {' or '.join(of[:3])}?" if of else suggestion(name, self.file.params)
+            hint = hint or " A parameter of a stage is written STAGE.PARAMETER=VALUE."
+            self.spec.override_problem(name, f'there is no parameter of the pipeline "{name}".{hint}')
 
     def _report_unused(self) -> None:
         # By name and not by sound edges: what hangs on a faulty edge is meant to be used.

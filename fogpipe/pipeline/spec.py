@@ -69,6 +69,7 @@ class Spec:
     broken : names of stages that were left out, so that references to them are not reported again.
     replaced : items that an override replaced, with what the file says of them.
     said_by : the option that gave an override, by the name of what it sets, where it is not ``--set``.
+    strangers : overrides of parameters that the pipeline does not have.
     """
 
     source: str
@@ -78,6 +79,7 @@ class Spec:
     broken: set[str] = field(default_factory=set)
     replaced: dict[Path, Any] = field(default_factory=dict)
     said_by: Mapping[str, str] = field(default_factory=dict)
+    strangers: tuple[str, ...] = ()
 
     def problem(self, path: Path, what: str) -> None:
         """Note a problem with the item at ``path``."""
@@ -109,10 +111,10 @@ def read_spec(
         if not problems:
             problems.append(Problem(1, 1, "file", "must be a mapping that starts with 'fogpipe: 1'."))
         data = {}
-    replaced, strangers = _apply(overrides or {}, data)
+    replaced, homeless, strangers = _apply(overrides or {}, data)
     file, broken = _validate(copy.deepcopy(data), document, problems if document.data is not None else [])
-    spec = Spec(source, file, document, problems, broken, replaced, said_by or {})
-    for name, what in strangers.items():
+    spec = Spec(source, file, document, problems, broken, replaced, said_by or {}, strangers)
+    for name, what in homeless.items():
         spec.override_problem(name, what)
     return spec
 
@@ -139,10 +141,13 @@ def parse_override(text: str) -> tuple[str, Any]:
         raise ValueError(f"--set {text}: the value is not valid YAML.") from error
 
 
-def _apply(overrides: Mapping[str, Any], data: dict[str, Any]) -> tuple[dict[Path, Any], dict[str, str]]:
-    """Put overrides in their places; what was there before, and what is wrong with those that have no place."""
+def _apply(
+    overrides: Mapping[str, Any], data: dict[str, Any]
+) -> tuple[dict[Path, Any], dict[str, str], tuple[str, ...]]:
+    """Put overrides in their places: what was there; what is wrong with those of no stage; those of no parameter."""
     replaced: dict[Path, Any] = {}
-    strangers: dict[str, str] = {}
+    homeless: dict[str, str] = {}
+    strangers: list[str] = []
     stages = data["stages"] if isinstance(data.get("stages"), dict) else {}
     params = data["params"] if isinstance(data.get("params"), dict) else {}
     for name, value in overrides.items():
@@ -155,11 +160,11 @@ def _apply(overrides: Mapping[str, Any], data: dict[str, Any]) -> tuple[dict[Pat
         elif not dot and name in params:
             replaced["params", name] = params[name]
             params[name] = value
+        elif dot:
+            homeless[name] = f'there is no stage "{stage}".{suggestion(stage, stages)}'
         else:
-            known, word = (stages, "stage") if dot else (params, "parameter of the pipeline")
-            hint = "" if dot else f" For one of a stage write STAGE.{name}=VALUE."
-            strangers[name] = f'there is no {word} "{stage}".{suggestion(stage, known)}{hint}'
-    return replaced, strangers
+            strangers.append(name)
+    return replaced, homeless, tuple(strangers)
 
 
 def _option(path: Path) -> Path:
