@@ -246,13 +246,15 @@ class _Checker:
         return list(nx.lexicographical_topological_sort(edges, key=position.__getitem__))
 
     def _report_strangers(self) -> None:
+        """Overrides that name no stage, with the parameter that may be meant: of the pipeline or of some stages."""
+        known = {name: [name] for name in self.file.params}
+        for stage, contract in self.contracts.items():
+            for name in contract.model.model_fields:
+                known.setdefault(name, []).append(f"{stage}.{name}")
         for name in self.spec.strangers:
-            of = [
-                f"{stage}.{name}" for stage, contract in self.contracts.items() if name in contract.model.model_fields
-            ]
-            hint = f" Did you mean {' or '.join(of[:3])}?" if of else suggestion(name, self.file.params)
-            hint = hint or " A parameter of a stage is written STAGE.PARAMETER=VALUE."
-            self.spec.override_problem(name, f'there is no parameter of the pipeline "{name}".{hint}')
+            meant = known.get(closest(name, known) or "", [])
+            hint = f"Did you mean {' or '.join(meant[:3])}?" if meant else "Write it as STAGE.PARAMETER=VALUE."
+            self.spec.override_problem(name, f'there is no parameter of the pipeline "{name}". {hint}')
 
     def _report_unused(self) -> None:
         # By name and not by sound edges: what hangs on a faulty edge is meant to be used.

@@ -114,7 +114,10 @@ def test_parameter_of_wrong_type_and_unknown_choice(registry):
 def test_a_problem_of_an_override_names_the_option(registry):
     assert only(registry, GOOD, **{"t.extinction": -1}).where == "--set t.extinction"
     assert 'no stage "tt"' in only(registry, GOOD, **{"tt.extinction": 1}).what
-    assert 'Did you mean "beta"' in only(registry, GOOD, bta=1).what
+    assert "Did you mean beta?" in only(registry, GOOD, bta=1).what
+    assert "Did you mean t.extinction?" in only(registry, GOOD, extinction=1).what
+    assert "Did you mean filled.value?" in only(registry, GOOD, vlue=1).what
+    assert "Write it as STAGE.PARAMETER=VALUE." in only(registry, GOOD, xyz=1).what
 
 
 def test_a_cycle_is_named(registry):
