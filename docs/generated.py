@@ -7,6 +7,7 @@ forms of it that fogpipe's docstrings use.
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -78,11 +79,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _datasets() -> str:
-    """The docstring of every reader of fogpipe's own, as ``fogpipe datasets NAME`` prints it."""
+    """The card of every reader of fogpipe's own, as ``fogpipe datasets NAME`` prints it, one level of headings down."""
     from fogpipe.datasets.catalogue import find_reader, readers
+    from fogpipe.pipeline.cards import reader_card
 
     own = [name for name, source in readers().items() if source.origin.startswith("fogpipe ")]
-    return "\n\n".join(f"**{name}**\n\n```text\n{inspect.getdoc(find_reader(name))}\n```" for name in own)
+    return "\n".join(re.sub(r"^(?=#)", "#", reader_card(name, find_reader(name)), flags=re.MULTILINE) for name in own)
 
 
 def _encodings() -> str:

@@ -16,6 +16,7 @@ with NumPy arrays and no framework. :func:`contract` reads the declaration when 
 from __future__ import annotations
 
 import inspect
+import types
 import typing
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -40,10 +41,15 @@ class StageMark:
     name: str
     version: int
     identity_when: Callable[..., str | None] | None
+    requires: Callable[..., None] | None
 
 
 def stage(
-    name: str, *, version: int = 1, identity_when: Callable[..., str | None] | None = None
+    name: str,
+    *,
+    version: int = 1,
+    identity_when: Callable[..., str | None] | None = None,
+    requires: Callable[..., None] | None = None,
 ) -> Callable[[Function], Function]:
     """Declare a function as a stage.
 
@@ -53,10 +59,13 @@ def stage(
     version : raise it when the same input gives another result, so that caches know.
     identity_when : a function of some of the stage's own arguments (by name) that returns why the
         stage would return its first port unchanged, or None. The runner then skips the stage.
+    requires : a function of some of the stage's parameters (by name) that raises ValueError where their values cannot
+        go together. It is called when a pipeline is checked, before anything runs; the stage calls it itself, too,
+        for those who call the stage.
     """
 
     def mark(function: Function) -> Function:
-        function.__stage__ = StageMark(name, version, identity_when)  # type: ignore[attr-defined]
+        function.__stage__ = StageMark(name, version, identity_when, requires)  # type: ignore[attr-defined]
         return function
 
     return mark
@@ -81,6 +90,7 @@ class Contract:
     parameters : keyword-only arguments that a pipeline may set.
     injected : keyword-only arguments that the runner supplies (``rng``).
     condition_arguments : names that ``identity_when`` asks for.
+    required_arguments : names that ``requires`` asks for.
     """
 
     function: Callable[..., Any]
@@ -90,6 +100,7 @@ class Contract:
     parameters: tuple[inspect.Parameter, ...]
     injected: frozenset[str]
     condition_arguments: tuple[str, ...]
+    required_arguments: tuple[str, ...]
 
     @property
     def name(self) -> str:
@@ -97,14 +108,22 @@ class Contract:
 
     @cached_property
     def model(self) -> type[BaseModel]:
-        """The pydantic model of the parameters."""
-        from pydantic import ConfigDict, create_model
+        """The pydantic model of the parameters: each by itself, and all of them together by ``requires``."""
+        from pydantic import ConfigDict, create_model, model_validator
 
         fields: dict[str, Any] = {
             p.name: (p.annotation, ... if p.default is p.empty else p.default) for p in self.parameters
         }
         config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, protected_namespaces=())
-        return create_model(self.name, __config__=config, **fields)
+        requires = self.mark.requires
+
+        def together(model: BaseModel) -> BaseModel:
+            if requires:
+                requires(**{name: getattr(model, name) for name in self.required_arguments})
+            return model
+
+        validators: dict[str, Any] = {"together": model_validator(mode="after")(together)}
+        return create_model(self.name, __config__=config, __validators__=validators, **fields)
 
     @cached_property
     def summary(self) -> str:
@@ -128,7 +147,7 @@ def contract(function: Callable[..., Any]) -> Contract:
     Raises
     ------
     ContractError
-        If a port has no kind, a parameter has no annotation, or ``identity_when`` cannot work.
+        If a port has no kind, a parameter has no annotation, or ``identity_when`` or ``requires`` cannot work.
     """
     mark: StageMark = function.__stage__  # type: ignore[attr-defined]
     hints = _type_hints(function, mark.name)
@@ -153,11 +172,14 @@ def contract(function: Callable[..., Any]) -> Contract:
         parameters=tuple(p for p in parameters if p.name not in INJECTED),
         injected=frozenset(p.name for p in parameters) & INJECTED,
         condition_arguments=_condition_arguments(mark, inputs, outputs, parameters),
+        required_arguments=_arguments(mark, mark.requires, "requires", {p.name for p in parameters} - INJECTED),
     )
 
 
 def unit_of(annotation: Any) -> str | None:
-    """The unit symbol in a parameter's annotation, or None."""
+    """The unit symbol in a parameter's annotation, also where it may be None, or None."""
+    if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is typing.Union:
+        return next(filter(None, map(unit_of, typing.get_args(annotation))), None)
     return next((m.symbol for m in getattr(annotation, "__metadata__", ()) if isinstance(m, Unit)), None)
 
 
@@ -210,10 +232,13 @@ def _condition_arguments(
         return ()
     if len(outputs) != 1 or not inputs or outputs[0].kind != inputs[0].kind:
         raise ContractError(f"stage {mark.name}: identity_when needs one output of the same kind as the first port.")
-    wanted = tuple(inspect.signature(mark.identity_when).parameters)
     known = {port.name for port in inputs} | {p.name for p in parameters} - INJECTED
+    return _arguments(mark, mark.identity_when, "identity_when", known)
+
+
+def _arguments(mark: StageMark, function: Callable[..., Any] | None, role: str, known: set[str]) -> tuple[str, ...]:
+    """The names of the stage's own arguments that one of its conditions asks for."""
+    wanted = tuple(inspect.signature(function).parameters) if function else ()
     if unknown := set(wanted) - known:
-        raise ContractError(
-            f"stage {mark.name}: identity_when asks for {', '.join(sorted(unknown))}, which the stage lacks."
-        )
+        raise ContractError(f"stage {mark.name}: {role} asks for {', '.join(sorted(unknown))}, which the stage lacks.")
     return wanted

@@ -145,7 +145,7 @@ def test_a_local_folder_is_named_in_python(project: Path):
         ('plugins = "stages"', "must be a list of folders"),
         ('plugin = ["stages"]', "has no setting plugin; there is: plugins"),
         ('plugins = ["nowhere"]', "does not exist"),
-        ("plugins = [", "cannot be read"),
+        ("plugins = [", "is not readable TOML"),
     ],
 )
 def test_wrong_settings_are_one_clear_error(

@@ -57,6 +57,31 @@ def test_the_parameter_model_has_defaults_bounds_and_refuses_strangers():
 
 def test_a_parameter_has_a_unit():
     assert unit_of(contract(good).parameters[0].annotation) == "1/m"
+    assert unit_of(Annotated[float, Unit("m")] | None) == "m"
+    assert unit_of(float) is unit_of(float | None) is None
+
+
+def test_parameters_that_do_not_go_together_are_refused_by_the_model():
+    def one(near: float | None, far: float | None) -> None:
+        if near is not None and far is not None:
+            raise ValueError("give near or far.")
+
+    @stage("test.either", requires=one)
+    def either(range_map: Range, *, near: float | None = None, far: float | None = None) -> Range:
+        one(near, far)
+        return range_map
+
+    assert contract(either).required_arguments == ("near", "far")
+    assert contract(either).model(near=1).near == 1  # type: ignore[attr-defined]
+    with pytest.raises(ValidationError, match=r"give near or far\."):
+        contract(either).model(near=1, far=2)
+
+
+def test_a_requirement_may_only_ask_for_parameters_of_the_stage():
+    def wrong(range_map: Range, *, near: float = 0) -> Range: ...
+
+    with pytest.raises(ContractError, match="requires asks for range_map"):
+        contract(stage("test.wrong", requires=lambda range_map: None)(wrong))
 
 
 def test_a_named_tuple_gives_several_outputs():

@@ -91,7 +91,7 @@ class Task:
 @lru_cache(maxsize=4)
 def pipeline_of(job: Job) -> Pipeline:
     """The checked pipeline of a job, without what differs between outputs."""
-    return _checked(job, {})
+    return _checked(job, {}, {})
 
 
 def graph_of(job: Job, variant: Variant) -> Graph:
@@ -102,7 +102,8 @@ def graph_of(job: Job, variant: Variant) -> Graph:
     PipelineError
         If the variant names a parameter that does not exist, or gives it a value that it cannot have.
     """
-    return replace(_graph(job, json.dumps(dict(variant.settings))), seed=variant.seed)
+    graph = _graph(job, json.dumps(dict(variant.settings)), json.dumps(dict(variant.said_by)))
+    return replace(graph, seed=variant.seed)
 
 
 def outputs_of(job: Job, graph: Graph) -> dict[str, Ref]:
@@ -111,18 +112,18 @@ def outputs_of(job: Job, graph: Graph) -> dict[str, Ref]:
 
 
 @lru_cache(maxsize=64)
-def _graph(job: Job, settings: str) -> Graph:
-    return _checked(job, json.loads(settings)).graph
+def _graph(job: Job, settings: str, said_by: str) -> Graph:
+    return _checked(job, json.loads(settings), json.loads(said_by)).graph
 
 
-def _checked(job: Job, settings: Mapping[str, Any]) -> Pipeline:
+def _checked(job: Job, settings: Mapping[str, Any], said_by: Mapping[str, str]) -> Pipeline:
     try:
         fixed = dict(parse_override(text) for text in job.settings)
     except ValueError as error:
         raise RequestError(str(error)) from error
     registry = _registry(job.plugins)
     settled = {**fixed, **settings}
-    return from_text(job.text, job.source, set=settled, tolerance=job.tolerance, registry=registry)
+    return from_text(job.text, job.source, set=settled, said_by=said_by, tolerance=job.tolerance, registry=registry)
 
 
 @lru_cache(maxsize=4)

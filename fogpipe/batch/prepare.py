@@ -18,6 +18,7 @@ from fogpipe.io.files import is_url
 from fogpipe.pipeline.graph import Graph
 from fogpipe.pipeline.plan import make_plan
 from fogpipe.pipeline.shipped import read_pipeline
+from fogpipe.pipeline.spec import parse_override
 from fogpipe.ports import Kind
 from fogpipe.runtime.outputs import Options, check_formats
 
@@ -88,6 +89,7 @@ def prepare(
         threads=threads,
     )
     _check_outputs(job, graph)
+    _refuse_said_twice(job, data, variation)
     _check_first_item(job, data, variation)
     return job
 
@@ -131,6 +133,19 @@ def _check_outputs(job: Job, graph: Graph) -> None:
         kind = graph.kind(plan.outputs[job.picture])
         raise RequestError(f"--to {job.picture}: is a {kind.name}, but the result of a batch is a picture.")
     check_formats(plan, Options(job.outputs, job.image_format or "png", job.map_format, sheet=False))
+
+
+def _refuse_said_twice(job: Job, data: Dataset, variation: Variation) -> None:
+    """A parameter that varies is said once: one of the other values would be passed over without a word."""
+    fixed = {parse_override(text)[0] for text in job.settings}
+    for parameter, option in variation.options.items():
+        if parameter in fixed:
+            raise RequestError(f"{option} {parameter}: --set sets it too; leave one of them out.")
+        if item := next((item for item in data.items.values() if parameter in item.settings), None):
+            value = item.settings[parameter]
+            raise RequestError(
+                f"{option} {parameter}: {data.root} sets it too, to {value} for {item.id}; leave one of them out."
+            )
 
 
 def _check_first_item(job: Job, data: Dataset, variation: Variation) -> None:

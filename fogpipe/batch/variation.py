@@ -15,7 +15,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -71,12 +71,14 @@ class Variant:
     settings : the parameters it sets.
     draw : number of the draw.
     seed : of everything random in it; variants that differ by a sweep share it.
+    said_by : the option or column that sets each of the parameters, for messages.
     """
 
     key: str
     settings: Mapping[str, Any]
     draw: int
     seed: int
+    said_by: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,13 @@ class Variation:
         return [*self.differing, *(parameter for parameter, _ in self.binds)]
 
     @property
+    def options(self) -> dict[str, str]:
+        """The option that sets each parameter."""
+        sweeps = {sweep.parameter: "--sweep" for sweep in self.sweeps}
+        samples = {sample.parameter: "--sample" for sample in self.samples}
+        return sweeps | samples | {parameter: "--bind" for parameter, _ in self.binds}
+
+    @property
     def differing(self) -> list[str]:
         """Every parameter of which names must tell the value."""
         return [*(sweep.parameter for sweep in self.sweeps), *(sample.parameter for sample in self.samples)]
@@ -126,6 +135,7 @@ class Variation:
             If a value that is bound is none of the item's.
         """
         fixed = {name: _setting(value) for name, value in item.settings.items()}
+        said_by = dict.fromkeys(fixed, f"{item.id}:") | self.options
         for parameter, name in self.binds:
             if name not in item.values:
                 raise InputError(f'{item.id} has no value "{name}" to bind.{suggestion(name, item.values)}')
@@ -138,7 +148,7 @@ class Variation:
                 swept = dict(zip((sweep.parameter for sweep in self.sweeps), values, strict=True))
                 parts = [f"{name}={value!r}" for name, value in swept.items()]
                 parts += [f"draw={draw}"] if self.draws > 1 else []
-                found.append(Variant(",".join(parts), fixed | drawn | swept, draw, own_seed))
+                found.append(Variant(",".join(parts), fixed | drawn | swept, draw, own_seed, said_by))
         return found
 
     @staticmethod

@@ -101,7 +101,10 @@ def command(
         retry_failed=retry_failed,
     )
     if dry_run:
-        show_estimate(batch, as_json)
+        estimate = show_estimate(batch, as_json)
+        if estimate and estimate.errors:
+            tried = len(estimate.errors) + estimate.trials
+            raise RunError(f"{len(estimate.errors)} of {tried} items that were tried failed; nothing was kept.")
         return
     with JsonLines() if as_json else BatchProgress() as watcher:
         summary = run_batch(batch, watcher)

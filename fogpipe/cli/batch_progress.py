@@ -7,7 +7,7 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
-from fogpipe.batch.estimate import estimate
+from fogpipe.batch.estimate import Estimate, estimate
 from fogpipe.batch.journal import read_state
 from fogpipe.batch.places import place_at
 from fogpipe.batch.run import Batch, Summary, Todo, Watcher, find_todo
@@ -100,8 +100,11 @@ class JsonLines(Watcher):
         print(json.dumps({"event": event, **facts}), flush=True)
 
 
-def show_estimate(batch: Batch, as_json: bool) -> None:
-    """Tell what a batch would do; makes some items in a folder of their own and removes them."""
+def show_estimate(batch: Batch, as_json: bool) -> Estimate | None:
+    """Tell what a batch would do; makes some items in a folder of their own and removes them.
+
+    Returns what they took, and None where nothing is left to do.
+    """
     place = place_at(batch.job.root)
     state = read_state(place)
     state.drop_missing(place)
@@ -109,7 +112,7 @@ def show_estimate(batch: Batch, as_json: bool) -> None:
     taken = estimate(batch, todo) if todo.tasks else None
     if as_json:
         print(json.dumps(_as_data(todo) | {"estimate": asdict(taken) if taken else None}))
-        return
+        return taken
     print(_in_words(todo), file=sys.stderr)
     for error in taken.errors if taken else ():
         print(f"failed: {_shortened(error)}", file=sys.stderr)
@@ -120,6 +123,7 @@ def show_estimate(batch: Batch, as_json: bool) -> None:
             f" ({taken.trials} items were tried; nothing was kept)",
             file=sys.stderr,
         )
+    return taken
 
 
 def time_shares(summary: Summary) -> list[str]:

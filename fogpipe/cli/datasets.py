@@ -22,7 +22,9 @@ def command(
 
     folders = o.plugin_folders(plugins)
     if name:
-        typer.echo(inspect.getdoc(find_reader(name, folders)) or name)
+        from fogpipe.pipeline.cards import reader_card
+
+        o.print_card(reader_card(name, find_reader(name, folders)))
         return
     listed = {}
     for known in readers(folders):
@@ -41,4 +43,4 @@ def command(
 
 
 def _summary(read: object) -> str:
-    return (inspect.getdoc(read) or "").partition("\n")[0]
+    return (inspect.getdoc(read) or "").partition("\n")[0].replace("``", "`")

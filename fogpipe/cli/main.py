@@ -16,7 +16,7 @@ from fogpipe.errors import FogpipeError
 
 app = typer.Typer(
     name="fogpipe",
-    help="Adds fog and haze to images.",
+    help="Adds fog and haze to images, and takes them away again.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -45,7 +45,8 @@ def options(
 
 for module in (run, batch, check, plan, draw, stages, datasets, show, schema, bench, replay, new_plugin):
     name = module.__name__.rpartition(".")[2].replace("_", "-")
-    app.command(name)(module.command)
+    first_line = (module.command.__doc__ or "").partition("\n")[0]
+    app.command(name, short_help=first_line)(module.command)
 
 
 def main() -> None:

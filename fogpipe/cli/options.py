@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,7 +17,13 @@ if TYPE_CHECKING:
     from fogpipe.runtime.inputs import Request
     from fogpipe.runtime.pipeline import Pipeline
 
-PipelineName = Annotated[str, typer.Argument(metavar="PIPELINE", help="A shipped pipeline, or a YAML file.")]
+PipelineName = Annotated[
+    str,
+    typer.Argument(
+        metavar="PIPELINE",
+        help="A shipped pipeline (hansard2019, photo-fog, yan2013, …; a wrong name lists all) or a YAML file.",
+    ),
+]
 Scene = Annotated[str | None, typer.Option(help="sample:motorcycle, sample:outdoor, … or a scene file.")]
 InputFiles = Annotated[list[str] | None, typer.Option("-i", "--input", metavar="NAME=FILE", help="File of one input.")]
 DepthEncoding = Annotated[str | None, typer.Option("--depth", metavar="ENCODING", help="How depth files are encoded.")]
@@ -50,8 +57,10 @@ class Project:
     def _read(cls, path: Path) -> Project:
         try:
             settings = tomllib.loads(path.read_text(encoding="utf-8")).get("tool", {}).get("fogpipe", {})
-        except (OSError, ValueError) as error:
-            raise RequestError(f"{path} cannot be read: {error}.") from error
+        except OSError as error:
+            raise RequestError(f"{path} cannot be read: {error.strerror}.") from error
+        except ValueError as error:
+            raise RequestError(f"{path} is not readable TOML: {error}.") from error
         plugins = settings.get("plugins", [])
         if unknown := settings.keys() - {"plugins"}:
             raise RequestError(
@@ -99,3 +108,14 @@ def make_request(scene: str | None, inputs: list[str] | None, depth: str | None,
             raise RequestError(f"-i {text}: write it as NAME=FILE, for example -i image=photo.png.")
         files[name] = path
     return Request(scene, files, depth, camera)
+
+
+def print_card(markdown: str) -> None:
+    """Print Markdown to standard output, laid out where that is a terminal."""
+    if not sys.stdout.isatty():
+        typer.echo(markdown)
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    Console().print(Markdown(markdown))

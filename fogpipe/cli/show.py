@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from typing import Annotated
 
 import typer
@@ -24,10 +23,5 @@ def command(
     contract = registry.find(name)
     if as_json:
         typer.echo(json.dumps(card_data(contract, registry.origin(name)), indent=2, ensure_ascii=False))
-    elif sys.stdout.isatty():
-        from rich.console import Console
-        from rich.markdown import Markdown
-
-        Console().print(Markdown(card(contract, registry.origin(name))))
     else:
-        typer.echo(card(contract, registry.origin(name)))
+        o.print_card(card(contract, registry.origin(name)))

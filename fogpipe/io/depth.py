@@ -22,6 +22,19 @@ REVERSED = 0.6
 """Rank correlation of row and distance from which a map is doubted. Ground and floor go the other way."""
 ENOUGH_PIXELS = 10_000
 """Measured pixels below which the layout of a map says nothing."""
+ENOUGH_CODES = 64
+"""Different whole numbers that a map of metres has by chance never."""
+LEAST_CODE = 256
+"""Metres that are rounded to whole ones seldom reach so far; millimetres and other codes do."""
+CLOSE = 300
+"""Metres within which most scenes have something."""
+
+
+CODES = (
+    "all values are whole numbers, as millimetres and other codes are, and metres are not. Divide them, or save them as"
+    " uint16 and name their encoding, such as millimetres. If they are metres that were rounded, add 0.1 to all."
+)
+"""What is wrong with a map that :func:`are_codes` finds, and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +69,8 @@ def read_depth(path: str | Path, *, encoding: str | None, camera: CameraFile | N
     InputError
         If the file cannot be read, is a colour-mapped or 8-bit picture of depth, does not fit the encoding, lacks
         the camera it needs, or decodes to something that is no depth: negative, zero (a surface at the
-        lens), beyond 1000 km, unknown everywhere, or normalised (metres whose largest is exactly 1).
+        lens), beyond 1000 km, unknown everywhere, normalised (metres whose largest is exactly 1), or in millimetres or
+        other codes where metres are named (whole numbers only).
 
     Notes
     -----
@@ -104,6 +118,22 @@ def to_range(depth: DepthMap, camera: CameraFile | None) -> tuple[np.ndarray, tu
     return planar_to_radial(depth.values, fitted.matrix), (*notes, f"planar depth made radial with {camera.source}")
 
 
+def are_codes(values: np.ndarray) -> bool:
+    """Whether floats that should be metres are millimetres or other codes: many whole numbers, and nothing else.
+
+    Half floats are left alone, since all of theirs are whole from 1024 on. Leaves at the first number with a fraction.
+    """
+    if values.dtype == np.float16 or values.dtype.kind != "f":
+        return False
+    some = values.ravel()[:1024]
+    if (some[np.isfinite(some)] % 1).any():
+        return False
+    known = values[np.isfinite(values)]
+    return (
+        known.size > 0 and known.max() >= LEAST_CODE and not (known % 1).any() and np.unique(known).size >= ENOUGH_CODES
+    )
+
+
 def _check_storage(path: str | Path, file_format: str, numbers: np.ndarray, encoding: DepthEncoding) -> None:
     if file_format not in encoding.files:
         raise InputError(
@@ -119,6 +149,8 @@ def _check_storage(path: str | Path, file_format: str, numbers: np.ndarray, enco
     if encoding.whole != (numbers.dtype.kind in "ui"):
         wanted = "whole numbers" if encoding.whole else "real numbers"
         raise InputError(f"{path}: holds {numbers.dtype} values, but {encoding.name} is made of {wanted}. {ORIGINAL}")
+    if encoding.quantity in ("planar", "radial") and file_format != "exr" and are_codes(numbers):
+        raise InputError(f"{path}: as {encoding.name}, {CODES}")
 
 
 def _decode(path: str | Path, numbers: np.ndarray, encoding: DepthEncoding, camera: CameraFile | None) -> np.ndarray:
@@ -218,4 +250,6 @@ def _summary(path: str | Path, values: np.ndarray, encoding: DepthEncoding) -> s
     parts = [extent, f"{unknown:.1%} unknown", f"{sky:.1%} sky"]
     if unit and finite.size and finite.max() < 1:
         parts.append("all below 1 m: make sure that it is not relative depth")
+    if unit and finite.size and finite.min() >= CLOSE:
+        parts.append(f"nothing nearer than {CLOSE} m: make sure that the unit is metres")
     return f"{file_name(path)} as {encoding.name} ({encoding.formula}): {', '.join(parts)}"

@@ -20,6 +20,7 @@ from fogpipe.io.files import read_bytes
 from fogpipe.io.images import MAX_PIXELS
 
 ORIGINAL = "Give the original numbers: a 16-bit grey PNG, or a .npy, PFM or EXR file."
+JPEG = b"\xff\xd8\xff"
 _PNG_COLOURS = {0: "grey", 2: "colour", 3: "palette", 4: "grey with alpha", 6: "colour with alpha"}
 _PFM_HEADER = re.compile(rb"(P[fF])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,32})\s")
 
@@ -43,7 +44,10 @@ def read_numbers(path: str | Path) -> Numbers:
     data = read_bytes(path)
     read = next((read for magic, read in _READERS if data.startswith(magic)), None)
     if read is None:
-        raise InputError(f"{path}: is no format that depth is read from (PNG, .npy, .npz, PFM, OpenEXR). {ORIGINAL}")
+        raise InputError(
+            f"{path}: is no format that depth is read from (PNG, .npy, .npz, PFM, OpenEXR)."
+            f"{' A photograph is the image, not the depth.' if data.startswith(JPEG) else ''} {ORIGINAL}"
+        )
     try:
         numbers = read(data)
     except InputError as error:
@@ -68,7 +72,8 @@ def _read_png(data: bytes) -> Numbers:
     bits, colour = data[24], data[25]
     if colour != 0:
         raise InputError(
-            f"is a {_PNG_COLOURS.get(colour, 'strange')} picture of depth; the depth cannot be told from it. {ORIGINAL}"
+            f"is a {_PNG_COLOURS.get(colour, 'strange')} picture, a photograph or one of depth;"
+            f" the depth cannot be told from it. {ORIGINAL}"
         )
     if bits != 16:
         raise InputError(

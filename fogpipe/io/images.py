@@ -26,6 +26,11 @@ from fogpipe.ports import Color, FloatArray
 MAX_PIXELS = 400_000_000
 """The largest picture that is read; a few kilobytes can promise to unpack to terabytes."""
 
+APART = 100
+"""Levels of 65535 next to a number that marks unknown depth, in which no depth is; a dark photograph has some there."""
+MARKED = 0.001
+"""Least share of a depth map that is marked; a photograph may have some black pixels."""
+
 _READERS = (
     (b"\x89PNG\r\n\x1a\n", "PNG", read_png),
     (b"\xff\xd8\xff", "JPEG", read_jpeg),
@@ -215,7 +220,22 @@ def _picture(raster: Raster, color: Color) -> Picture:
         pixels = np.repeat(pixels, 3, axis=2)
     orientation = raster.orientation if raster.orientation in range(2, 9) else 1
     turned = f"EXIF orientation {orientation} applied" if orientation != 1 else ""
-    return Picture(np.ascontiguousarray(pixels), alpha, described(raster.description, turned), orientation)
+    description = described(raster.description, turned, _doubt(samples))
+    return Picture(np.ascontiguousarray(pixels), alpha, description, orientation)
+
+
+def _doubt(samples: np.ndarray) -> str:
+    """A question about a picture that looks like a depth map, or an empty text.
+
+    Depth maps are grey, of 16 bits, and mark what was not measured by 0 or the largest number, with nothing near it.
+    """
+    if samples.dtype != np.uint16 or samples.shape[2] != 1:
+        return ""
+    for mark, near in ((0, samples < APART), (65535, samples > 65535 - APART)):
+        marked = np.count_nonzero(samples == mark)
+        if MARKED * samples.size < marked == np.count_nonzero(near) < samples.size:
+            return f"is this a depth map? {marked / samples.size:.1%} of it is {mark}, and nothing is near that number"
+    return ""
 
 
 def _checked(samples: np.ndarray) -> np.ndarray:

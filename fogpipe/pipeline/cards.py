@@ -1,4 +1,4 @@
-"""Cards: what a stage takes, gives and means, made from its signature and docstring alone."""
+"""Cards: what a stage or a reader takes, gives and means, made from its signature and docstring alone."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import inspect
 import re
 import textwrap
 import typing
+from collections.abc import Callable
 from typing import Any
 
 from annotated_types import BaseMetadata
@@ -31,6 +32,23 @@ def card(contract: Contract, origin: str = "") -> str:
         lines += ["## Skipped", "", data["skipped_when"], ""]
     lines += [f"`{data['import']}` · version {data['version']}{f' · {origin}' if origin else ''}", ""]
     return markdown(re.sub(r"\n{3,}", "\n\n", "\n".join(lines)))
+
+
+def reader_card(name: str, reader: Callable[..., Any]) -> str:
+    """The card of a reader of data sets as Markdown: the layout that it reads, and its options."""
+    head, sections = _sections(inspect.getdoc(reader) or "")
+    words = _descriptions(sections.pop("Parameters", ""))
+    options = [p for p in inspect.signature(reader).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    lines = [f"# {name}", "", head, ""]
+    if options:
+        lines += ["## Options", "", "| option | default | meaning |", "|---|---|---|"]
+        for option in options:
+            default = "required" if option.default is option.empty else "" if option.default is None else option.default
+            lines.append(_row(f"`--option {option.name}=…`", str(default), words.get(option.name, "")))
+        lines.append("")
+    for title, text in sections.items():
+        lines += [f"## {title}", "", text, ""]
+    return markdown("\n".join([*lines, f"`fogpipe batch hansard2019 --data {name}:… -o foggy`", ""]))
 
 
 def _row(*cells: str) -> str:
@@ -77,21 +95,27 @@ def _output(port: Port, returned: str) -> dict[str, str]:
 
 
 def _parameter(parameter: inspect.Parameter, description: str) -> dict[str, str]:
-    hint = parameter.annotation
-    bounds = [_bound(item) for item in getattr(hint, "__metadata__", ()) if isinstance(item, BaseMetadata)]
-    base = typing.get_args(hint)[0] if bounds or unit_of(hint) else hint
     return {
         "name": parameter.name,
-        "type": " ".join([_type_name(base), *bounds]),
+        "type": type_text(parameter),
         "default": "required" if parameter.default is parameter.empty else repr(parameter.default),
-        "unit": unit_of(hint) or "",
+        "unit": unit_of(parameter.annotation) or "",
         "description": description,
     }
+
+
+def type_text(parameter: inspect.Parameter) -> str:
+    """The type of a parameter and its bounds, for people."""
+    hint = parameter.annotation
+    bounds = [_bound(item) for item in getattr(hint, "__metadata__", ()) if isinstance(item, BaseMetadata)]
+    base = typing.get_args(hint)[0] if typing.get_origin(hint) is typing.Annotated else hint
+    return f"{_type_name(base)} {', '.join(bounds)}".rstrip()
 
 
 def markdown(text: str) -> str:
     """Markdown from text in which formulas, roles and definitions are written as reStructuredText."""
     text = re.sub(r"^\.\. math:: *(.*(?:\n +\S.*)*)", _display_formula, text, flags=re.MULTILINE)
+    text = re.sub(r"(?<=\S)::$", ":", text, flags=re.MULTILINE)
     text = re.sub(r":math:`([^`]+)`", r"$\1$", text)
     text = re.sub(r":(?:func|class|data|meth|mod):`~?(?:[\w.]*\.)?(\w+)`", r"`\1`", text)
     return re.sub(r"^(\w+)\n {4}(?=\S)", r"\1\n: ", text, flags=re.MULTILINE)
@@ -117,7 +141,7 @@ def _type_name(hint: Any) -> str:
         return "none"
     if typing.get_origin(hint) is typing.Annotated:
         bounds = [_bound(item) for item in hint.__metadata__ if isinstance(item, BaseMetadata)]
-        return " ".join([_type_name(hint.__origin__), *bounds])
+        return f"{_type_name(hint.__origin__)} {', '.join(bounds)}".rstrip()
     if isinstance(hint, type) and not typing.get_args(hint):
         return hint.__name__
     if typing.get_origin(hint) is tuple:

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import networkx as nx
-from pydantic import ValidationError
 
 from fogpipe.errors import ContractError, PipelineError, UnknownStageError, closest, suggestion
 from fogpipe.pipeline.graph import Expectation, Graph, Node, Ref
+from fogpipe.pipeline.parameters import Fault, settled
 from fogpipe.pipeline.reading import Path
 from fogpipe.pipeline.spec import Spec
 from fogpipe.ports import Kind, known_kinds
@@ -57,6 +57,7 @@ class _Checker:
         if not self.file.outputs and not any(problem.where in ("file", "outputs") for problem in self.spec.problems):
             self.spec.problem(("outputs",), "is empty; name at least one output.")
         order = self._order(nodes)
+        self._report_strangers()
         self._report_unused()
         return Graph(
             source=self.spec.source,
@@ -172,27 +173,25 @@ class _Checker:
                 given[key] = self._substituted(value, path)
         if "tolerance" in contract.model.model_fields:
             given.setdefault("tolerance", self.file.tolerance)
-        try:
-            settled = contract.model.model_validate(given)
-        except ValidationError as error:
-            for fault in error.errors():
-                self._report_parameter(name, contract, fault)
-            return {}
-        return {key: getattr(settled, key) for key in contract.model.model_fields}
+        values, faults = settled(contract, given)
+        for fault in faults:
+            self._report_parameters(name, fault)
+        return values
 
-    def _report_parameter(self, name: str, contract: Contract, fault: Any) -> None:
-        key = str(fault["loc"][0])
-        path = ("stages", name, "with", key)
-        if path in self.unsettled:
+    def _report_parameters(self, name: str, fault: Fault) -> None:
+        """Tell a fault where the last of its parameters was said; the command line comes after the file."""
+        paths: list[Path] = [("stages", name, "with", parameter) for parameter in fault.parameters]
+        if not self.unsettled.isdisjoint(paths):
             return
-        if fault["type"] == "extra_forbidden":
-            hint = suggestion(key, contract.model.model_fields)
-            self.spec.problem(path, f"is not a parameter of {contract.name}.{hint}")
-        elif fault["type"] == "missing" and len(fault["loc"]) == 1:
-            self.spec.problem(("stages", name), f"{contract.name} needs the parameter {key} under 'with'.")
-        else:
-            message = fault["msg"].replace("Input should", "should")
-            self.spec.problem(path, f"{message}, not {fault['input']!r}.")
+        overridden = self.spec.replaced
+        said = [path for path in paths if path in overridden or path in self.spec.document.places]
+        told = max(said, key=lambda path: (path in overridden, self.spec.document.place(path)), default=())
+        hint = ""
+        if told in overridden and (in_file := [str(path[-1]) for path in said if path not in overridden]):
+            hint = (
+                f" The file sets {' and '.join(in_file)}; null takes that back, as in --set {name}.{in_file[0]}=null."
+            )
+        self.spec.problem(told or (*paths, ("stages", name))[0], fault.what + hint)
 
     def _substituted(self, value: Any, path: Path) -> Any:
         if isinstance(value, list):
@@ -245,6 +244,17 @@ class _Checker:
             return list(nodes)
         position = {name: index for index, name in enumerate(nodes)}
         return list(nx.lexicographical_topological_sort(edges, key=position.__getitem__))
+
+    def _report_strangers(self) -> None:
+        """Overrides that name no stage, with the parameter that may be meant: of the pipeline or of some stages."""
+        known = {name: [name] for name in self.file.params}
+        for stage, contract in self.contracts.items():
+            for name in contract.model.model_fields:
+                known.setdefault(name, []).append(f"{stage}.{name}")
+        for name in self.spec.strangers:
+            meant = known.get(closest(name, known) or "", [])
+            hint = f"Did you mean {' or '.join(meant[:3])}?" if meant else "Write it as STAGE.PARAMETER=VALUE."
+            self.spec.override_problem(name, f'there is no parameter of the pipeline "{name}". {hint}')
 
     def _report_unused(self) -> None:
         # By name and not by sound edges: what hangs on a faulty edge is meant to be used.

@@ -39,5 +39,7 @@ def read_pipeline(name: str | Path) -> tuple[str, str]:
     path = find_pipeline(name)
     try:
         return path.read_text(encoding="utf-8"), str(path if Path(name) == path else f"{name}.yaml")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as UTF-8 text: {error}.") from error
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not UTF-8 text, as a pipeline is: {error.reason}.") from error

@@ -68,6 +68,8 @@ class Spec:
     file : the content; parts with problems are left out.
     broken : names of stages that were left out, so that references to them are not reported again.
     replaced : items that an override replaced, with what the file says of them.
+    said_by : the option that gave an override, by the name of what it sets, where it is not ``--set``.
+    strangers : overrides of parameters that the pipeline does not have.
     """
 
     source: str
@@ -76,21 +78,31 @@ class Spec:
     problems: list[Problem]
     broken: set[str] = field(default_factory=set)
     replaced: dict[Path, Any] = field(default_factory=dict)
+    said_by: Mapping[str, str] = field(default_factory=dict)
+    strangers: tuple[str, ...] = ()
 
     def problem(self, path: Path, what: str) -> None:
         """Note a problem with the item at ``path``."""
-        where = ".".join(map(str, path))
         if path in self.replaced:
-            self.problems.append(Problem(0, 0, f"--set {'.'.join(map(str, _option(path)))}", what))
+            self.override_problem(".".join(map(str, _option(path))), what)
         else:
-            self.problems.append(Problem(*self.document.place(path), where, what))
+            self.problems.append(Problem(*self.document.place(path), ".".join(map(str, path)), what))
+
+    def override_problem(self, name: str, what: str) -> None:
+        """Note a problem with the override of ``name``."""
+        self.problems.append(Problem(0, 0, f"{self.said_by.get(name, '--set')} {name}", what))
 
 
-def read_spec(text: str, source: str, overrides: Mapping[str, Any] | None = None) -> Spec:
+def read_spec(
+    text: str,
+    source: str,
+    overrides: Mapping[str, Any] | None = None,
+    said_by: Mapping[str, str] | None = None,
+) -> Spec:
     """Read a pipeline from YAML text and apply ``stage.parameter: value`` overrides.
 
     Every problem of form is noted in the spec; the faulty parts are left out, so that the rest can
-    still be checked in the same pass.
+    still be checked in the same pass. ``said_by`` names the options that gave the overrides (:class:`Spec`).
     """
     document = read_yaml(text)
     problems = list(document.problems)
@@ -99,9 +111,12 @@ def read_spec(text: str, source: str, overrides: Mapping[str, Any] | None = None
         if not problems:
             problems.append(Problem(1, 1, "file", "must be a mapping that starts with 'fogpipe: 1'."))
         data = {}
-    replaced = _apply(overrides or {}, data, problems)
+    replaced, homeless, strangers = _apply(overrides or {}, data)
     file, broken = _validate(copy.deepcopy(data), document, problems if document.data is not None else [])
-    return Spec(source, file, document, problems, broken, replaced)
+    spec = Spec(source, file, document, problems, broken, replaced, said_by or {}, strangers)
+    for name, what in homeless.items():
+        spec.override_problem(name, what)
+    return spec
 
 
 def spec_from_data(data: Mapping[str, Any], source: str) -> Spec:
@@ -126,8 +141,13 @@ def parse_override(text: str) -> tuple[str, Any]:
         raise ValueError(f"--set {text}: the value is not valid YAML.") from error
 
 
-def _apply(overrides: Mapping[str, Any], data: dict[str, Any], problems: list[Problem]) -> dict[Path, Any]:
+def _apply(
+    overrides: Mapping[str, Any], data: dict[str, Any]
+) -> tuple[dict[Path, Any], dict[str, str], tuple[str, ...]]:
+    """Put overrides in their places: what was there; what is wrong with those of no stage; those of no parameter."""
     replaced: dict[Path, Any] = {}
+    homeless: dict[str, str] = {}
+    strangers: list[str] = []
     stages = data["stages"] if isinstance(data.get("stages"), dict) else {}
     params = data["params"] if isinstance(data.get("params"), dict) else {}
     for name, value in overrides.items():
@@ -140,12 +160,11 @@ def _apply(overrides: Mapping[str, Any], data: dict[str, Any], problems: list[Pr
         elif not dot and name in params:
             replaced["params", name] = params[name]
             params[name] = value
+        elif dot:
+            homeless[name] = f'there is no stage "{stage}".{suggestion(stage, stages)}'
         else:
-            known, word = (stages, "stage") if dot else (params, "parameter of the pipeline")
-            hint = "" if dot else f" For one of a stage write STAGE.{name}=VALUE."
-            what = f'there is no {word} "{stage}".{suggestion(stage, known)}{hint}'
-            problems.append(Problem(0, 0, f"--set {name}", what))
-    return replaced
+            strangers.append(name)
+    return replaced, homeless, tuple(strangers)
 
 
 def _option(path: Path) -> Path:

@@ -75,7 +75,8 @@ def inputs_from_request(plan: Plan, request: Request) -> Inputs:
     ------
     InputError
         If a file cannot be used, an input is missing or not known, sizes disagree, a picture that EXIF turned comes
-        with a distance, or an encoding or a camera is named that nothing is read with.
+        with a distance, one file is given as picture and distance, or an encoding or a camera is named that nothing
+        is read with.
     """
     for name in request.files:
         if name not in plan.graph.inputs:
@@ -83,6 +84,7 @@ def inputs_from_request(plan: Plan, request: Request) -> Inputs:
             takes = ", ".join(f"{known} ({kind})" for known, kind in plan.graph.inputs.items())
             raise InputError(f'-i {name}: {plan.graph.source} has no input "{name}".{meant} It takes {takes}.')
     _refuse_idle(plan, request)
+    _refuse_one_for_both(plan, request)
     graph = plan.graph
     camera_files = {name: request.files[name] for name in request.files if graph.inputs[name].name == "Camera"}
     camera_file = request.camera or next(iter(camera_files.values()), None)
@@ -124,11 +126,25 @@ def _refuse_idle(plan: Plan, request: Request) -> None:
         )
 
 
+def _refuse_one_for_both(plan: Plan, request: Request) -> None:
+    """One file is a picture or a depth map, and only OpenEXR holds both."""
+    kinds = {name: plan.graph.inputs[name].name for name in request.files}
+    pictures = {_absolute(file): name for name, file in request.files.items() if kinds[name] == "Image"}
+    for name, file in request.files.items():
+        picture = pictures.get(_absolute(file))
+        if kinds[name] in DISTANCES and picture and not split_layer(file)[0].lower().endswith(".exr"):
+            raise InputError(
+                f"{file} is given as {picture} and as {name}, but it can only be one of them."
+                f" Give a picture as {picture} and its depth map as {name}."
+            )
+
+
 def inputs_from_arrays(plan: Plan, arrays: Mapping[str, Any]) -> Inputs:
     """Take the inputs that a plan needs from arrays or numbers.
 
     Pictures of integers are sRGB display values and are brought to the pipeline's working space;
-    pictures of floats are working values already, and refused where they are levels, since 1 is white.
+    pictures of floats are working values already, and refused where they are levels, since 1 is white. So are
+    distances that are whole numbers only, since they are millimetres or other codes.
     """
     for name in arrays:
         if name not in plan.graph.inputs:
@@ -181,6 +197,11 @@ def checked(
             array = array.astype(np.float32)
         if problem := kind.misfit(array) or kind.bad_values(array):
             raise InputError(f"input {name}: {problem}.{_advice(kind, array)}")
+        if given_by == "argument" and kind.unit == "m" and kind.name in DISTANCES:
+            from fogpipe.io.depth import CODES, are_codes
+
+            if are_codes(values[name]):
+                raise InputError(f"input {name}: {CODES}")
         for symbol, size in kind.sizes(array).items():
             other, owner = sizes.setdefault(symbol, (size, name))
             if other != size:

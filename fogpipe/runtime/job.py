@@ -24,7 +24,7 @@ from fogpipe.runtime.outputs import (
     check_formats,
     check_opacity,
     file_digest,
-    make_folder,
+    output_folder,
     publish,
     staging,
     write_output,
@@ -76,20 +76,20 @@ def run_job(
     if expected_inputs and (changed := changed_inputs(expected_inputs, described)):
         raise InputError(f"the content of {', '.join(changed)} is not what it was in the recorded run.")
     check_opacity(inputs, options)
-    make_folder(folder)
-    sheet = _SheetObserver(pipeline.graph, observer or Observer()) if options.sheet else None
-    if sheet:
-        sheet.inputs(inputs)
-    result = run_plan(plan, inputs, workers=workers, cache=cache, observer=sheet or observer)
-    with staging(folder) as draft:
-        files = _write_outputs(pipeline.graph, plan.outputs, result, inputs, options, draft)
+    with output_folder(folder):
+        sheet = _SheetObserver(pipeline.graph, observer or Observer()) if options.sheet else None
         if sheet:
-            sheet.write(draft / SHEET_NAME)
-        record = make_record(
-            plan, request, options, described, inputs.notes, result, files, time.perf_counter() - started
-        )
-        (draft / RECORD_NAME).write_text(strict_json(record), encoding="utf-8")
-        removed = publish(draft, folder)
+            sheet.inputs(inputs)
+        result = run_plan(plan, inputs, workers=workers, cache=cache, observer=sheet or observer)
+        with staging(folder) as draft:
+            files = _write_outputs(pipeline.graph, plan.outputs, result, inputs, options, draft)
+            if sheet:
+                sheet.write(draft / SHEET_NAME)
+            record = make_record(
+                plan, request, options, described, inputs.notes, result, files, time.perf_counter() - started
+            )
+            (draft / RECORD_NAME).write_text(strict_json(record), encoding="utf-8")
+            removed = publish(draft, folder)
     if removed:  # told, not recorded: it says nothing about the outputs
         text = f"{folder} held an earlier run, of which {', '.join(removed)} are gone; -o gives each run a folder."
         record["notes"] = [*record["notes"], text]

@@ -79,6 +79,20 @@ def make_folder(folder: Path) -> None:
 
 
 @contextlib.contextmanager
+def output_folder(folder: Path) -> Iterator[None]:
+    """As :func:`make_folder`; a folder that is new goes again where the work in it fails and leaves it empty."""
+    new = not folder.exists()
+    make_folder(folder)
+    try:
+        yield
+    except BaseException:
+        if new:
+            with contextlib.suppress(OSError):  # it holds something by now
+                folder.rmdir()
+        raise
+
+
+@contextlib.contextmanager
 def staging(folder: Path) -> Iterator[Path]:
     """A folder for files that are not complete yet, inside ``folder``; it is gone afterwards.
 

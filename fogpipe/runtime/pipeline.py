@@ -163,17 +163,24 @@ def from_text(
     source: str,
     *,
     set: Mapping[str, Any] | None = None,
+    said_by: Mapping[str, str] | None = None,
     seed: int | None = None,
     tolerance: float | None = None,
     registry: Registry | None = None,
 ) -> Pipeline:
-    """Check a pipeline that was read; ``source`` is what messages call it. Otherwise as :func:`load`."""
+    """Check a pipeline that was read; otherwise as :func:`load`.
+
+    Parameters
+    ----------
+    source : what messages call it.
+    said_by : the option that messages name for a value of ``set``, by its name; ``--set`` where there is none.
+    """
     if seed is not None and seed < 0:
         raise RequestError(f"seed {seed}: must be 0 or more.")
     if tolerance is not None and not 0 < tolerance < math.inf:
         raise RequestError(f"tolerance {tolerance:g}: must be a number greater than 0.")
     registry = registry or Registry()
-    spec = read_spec(text, source, set)
+    spec = read_spec(text, source, set, said_by)
     if seed is not None:
         spec.file.seed = seed
     if tolerance is not None:

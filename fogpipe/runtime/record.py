@@ -84,9 +84,11 @@ def read_record(path: Path) -> dict[str, Any]:
     InputError
         If it cannot be read or is not a record of this form.
     """
+    from fogpipe.io.files import read_bytes
+
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        record = json.loads(read_bytes(path, may_be_empty=True))
+    except ValueError as error:
         raise InputError(f"{path} cannot be read as a run record: {error}.") from error
     needed = {"record", "pipeline", "request", "options", "inputs", "outputs", "source"}
     if not isinstance(record, dict) or not needed <= record.keys():

@@ -32,18 +32,29 @@ class AirlightEstimate(NamedTuple):
     uncertainty: Airlight
 
 
-@stage("airlight.estimate")
+def _colour_is_used(source: str, colour: tuple[float, float, float] | None) -> None:
+    if source == "given" and colour is None:
+        raise ValueError('source "given" needs a colour: set colour to (red, green, blue).')
+    if source in ("sky", "brightest") and colour is not None:
+        raise ValueError(
+            f'source "{source}" finds the colour in the image: leave colour out, or set source to "given".'
+        )
+
+
+@stage("airlight.estimate", requires=_colour_is_used)
 def estimate(
     image: Image,
     sky: Mask | None = None,
     *,
     source: Literal["auto", "given", "sky", "brightest"] = "auto",
     colour: tuple[Annotated[float, Ge(0)], Annotated[float, Ge(0)], Annotated[float, Ge(0)]] | None = None,
-    saturation: Annotated[float, Ge(0), Le(1)] = 1.0,
-    horizon: Annotated[float, Gt(0), Le(1)] = 0.25,
-    brighter: Annotated[float, Gt(0), Le(1)] = 1.0,
-    share: Annotated[float, Gt(0), Le(1)] = 0.001,
-    patch: Annotated[int, Ge(1), Unit("px")] = 15,
+    saturation: Fraction = 1.0,
+    horizon: Share = 0.25,
+    brighter: Share = 1.0,
+    darkest: Fraction = 0.25,
+    share: Share = 0.001,
+    patch: Side = 15,
+    ceiling: Annotated[float, Gt(0)] = 0.7,
 ) -> Airlight:
     """One colour for the airlight of the whole image.
 
@@ -62,9 +73,14 @@ def estimate(
         which is paler than the zenith; 1 takes the whole sky.
     brighter : Share of these pixels that is used, from the brightest down: in a sky that was guessed, dark ones are
         mountains and walls.
+    darkest : Pixels of the sky darker than this share of its brightest tenth do not count: trees and walls above the
+        reach of a lidar. 0 lets all count, as in the paper.
     share : Brightest share of all patches that is used; at least one is.
     patch : Side of the square patches. A patch is as bright as its darkest pixel, so a lamp or highlight that does
         not fill a patch does not count, however bright it is. A larger one does.
+    ceiling : Largest luminance of an estimated colour where nothing in the image is brighter than 1. An overexposed
+        sky was brighter than white by an amount that is lost, and a camera exposes fog to a light grey: without a
+        ceiling its fog would be pure white. 1 takes white as it is.
 
     Returns
     -------
@@ -73,8 +89,9 @@ def estimate(
     Raises
     ------
     ValueError
-        If the source is ``"given"`` without a colour or ``"sky"`` without any sky, if a colour is negative or not
-        finite, or if the pixels to take the median of are not finite.
+        If the source is ``"given"`` without a colour, ``"sky"`` without any sky, or another one beside a colour; if a
+        colour is negative, not finite, or so bright that it must be in levels of 0 to 255; or if the pixels to take
+        the median of are not finite.
 
     Notes
     -----
@@ -88,29 +105,27 @@ def estimate(
     brightness follows the dark channel of He, Sun and Tang 2009.
     """
     require_maps(image=(image, 3), **({} if sky is None else {"sky": (sky, 1)}))
+    _colour_is_used(source, colour)
     (image,) = floats(image)
+    if colour is not None:
+        return airlight_pixels.given(colour, image)
+    luminance = image @ np.array(LUMINANCE, image.dtype)
     airlight = np.zeros(3, image.dtype)
-    if source == "auto" and colour is not None:
-        source = "given"
-    if source == "given":
-        if colour is None:
-            raise ValueError('source "given" needs a colour: set colour to (red, green, blue).')
-        airlight = np.array(colour, image.dtype)
-    if source in ("auto", "sky") and sky is not None and sky.any():
-        luminance = image @ np.array(LUMINANCE, image.dtype)
-        airlight = np.median(airlight_pixels.at_horizon(image, luminance, sky, horizon, brighter), axis=0)
+    if source != "brightest" and sky is not None and sky.any():
+        pixels = airlight_pixels.at_horizon(image, luminance, sky, horizon, brighter, darkest)
+        airlight = np.median(pixels, axis=0)
     elif source == "sky":
         raise ValueError('source "sky" needs a sky, and this scene has none: use "auto" or "brightest".')
     if source == "auto" and airlight.max() <= 0:  # NaN is not: a sky that is not finite is told, not passed over
         source = "brightest"
     if source == "brightest":
-        luminance = image @ np.array(LUMINANCE, image.dtype)
         airlight = np.median(airlight_pixels.brightest_patches(image, luminance, share, patch), axis=0)
-    if airlight.shape != (3,) or not np.isfinite(airlight).all() or (source == "given" and airlight.min() < 0):
+    if not np.isfinite(airlight).all():
         raise ValueError(f"the airlight ({source}) must be three finite numbers of 0 or more, not {airlight}.")
-    if source != "given":
-        luminance = airlight @ np.array(LUMINANCE, airlight.dtype)
-        airlight = luminance + image.dtype.type(saturation) * (airlight - luminance)
+    level = airlight @ np.array(LUMINANCE, airlight.dtype)
+    airlight = level + image.dtype.type(saturation) * (airlight - level)
+    if ceiling < level and image.max() <= 1:
+        airlight *= image.dtype.type(ceiling / level)
     return np.maximum(airlight, 0)
 
 

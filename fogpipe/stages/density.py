@@ -88,7 +88,13 @@ def perlin(
     return density(field(height, width, _key(rng), **shape), contrast if octaves else 0.0)
 
 
-@stage("density.along_rays")
+def _moves(pose: Pose | None, wind: Vector, time: float) -> None:
+    _pose_matrix(pose)
+    if not np.isfinite([speed * time for speed in wind]).all():
+        raise ValueError(f"wind and time must be finite, not {wind} m/s and {time} s.")
+
+
+@stage("density.along_rays", requires=_moves)
 def along_rays(
     range_map: Range,
     camera: Camera,
@@ -150,10 +156,9 @@ def along_rays(
     require_maps(range_map=(range_map, 1))
     if np.fmin.reduce(range_map, axis=None) < 0:
         raise ValueError("range_map is negative at some pixels; mark unknown ones as NaN.")
+    _moves(pose, wind, time)
     to_world = _pose_matrix(pose)
     drift = [speed * time for speed in wind]
-    if not np.isfinite(drift).all():
-        raise ValueError(f"wind and time must be finite, not {wind} m/s and {time} s.")
     (reach,) = floats(np.minimum(range_map, _FARTHEST).astype(np.float32))
     rays = to_world[:, :3] @ np.linalg.inv(camera)
     noise = {"period": period, "octaves": octaves, "persistence": persistence, "contrast": contrast}

@@ -39,7 +39,12 @@ def backdrop(image: Image, *, depth: Share | Plane = "background") -> RelativeDe
     return np.full(image.shape[:2], _depth(depth), np.float32)
 
 
-@stage("layers.polygon")
+def _finite_corners(corners: tuple[Point, ...]) -> None:
+    if not np.isfinite(corners).all():
+        raise ValueError(f"corners must be finite, not {corners}.")
+
+
+@stage("layers.polygon", requires=_finite_corners)
 def polygon(image: Image, *, corners: Annotated[tuple[Point, ...], Len(3)] = ((0, 0), (1, 0), (1, 1), (0, 1))) -> Mask:
     """Region inside a polygon.
 
@@ -59,8 +64,7 @@ def polygon(image: Image, *, corners: Annotated[tuple[Point, ...], Len(3)] = ((0
         If a corner is not finite.
     """
     require_maps(image=(image, 3))
-    if not np.isfinite(corners).all():
-        raise ValueError(f"corners must be finite, not {corners}.")
+    _finite_corners(corners)
     return layering.polygon(image.shape[:2], corners)
 
 
@@ -105,7 +109,16 @@ def flat(
     return _laid_over(below, np.array(_depth(depth), np.float32), mask, image, feather)
 
 
-@stage("layers.plane", identity_when=_no_region)
+def _plane_recedes(
+    near_point: Point, far_point: Point, near: float | str, far: float | str, form: str, nearest: float
+) -> None:
+    if near_point == far_point:
+        raise ValueError(f"a plane needs two points, but near_point and far_point are both {near_point}.")
+    if form == "perspective" and nearest == 0 and min(_depth(near), _depth(far)) == 0:
+        raise ValueError("a plane in perspective cannot begin at a distance of 0: raise near, far or nearest.")
+
+
+@stage("layers.plane", identity_when=_no_region, requires=_plane_recedes)
 def plane(
     below: RelativeDepth,
     mask: Mask,
@@ -153,20 +166,24 @@ def plane(
     photo editing*.
     """
     require_maps(below=(below, 1), mask=(mask, 1))
+    _plane_recedes(near_point, far_point, near, far, form, nearest)
     along = layering.along_line(mask.shape, near_point, far_point)
     start, end = _depth(near), _depth(far)
     if form == "linear":
         depth = start + along * np.float32(end - start)
     else:
         first, last = (nearest + (1 - nearest) * depth for depth in (start, end))
-        if min(first, last) <= 0:
-            raise ValueError("a plane in perspective cannot begin at a distance of 0: raise near, far or nearest.")
         distance = 1 / ((1 - along) / np.float32(first) + along / np.float32(last))
         depth = np.clip((distance - np.float32(nearest)) / np.float32(1 - nearest), 0, 1)
     return _laid_over(below, depth, mask, image, feather)
 
 
-@stage("layers.shading", identity_when=_no_region)
+def _span_rises(span: tuple[float, float]) -> None:
+    if not span[0] < span[1]:
+        raise ValueError(f"span must go from a lower to a higher quantile, not {span[0]:g} to {span[1]:g}.")
+
+
+@stage("layers.shading", identity_when=_no_region, requires=_span_rises)
 def shading(
     below: RelativeDepth,
     mask: Mask,
@@ -212,8 +229,7 @@ def shading(
     """
     require_maps(below=(below, 1), mask=(mask, 1), image=(image, 3))
     require_finite(image=image)
-    if not span[0] < span[1]:
-        raise ValueError(f"span must go from a lower to a higher quantile, not {span[0]:g} to {span[1]:g}.")
+    _span_rises(span)
     if _no_region(mask):
         return floats(below)[0].copy()
     level = layering.brightness(image @ np.array(LUMINANCE, image.dtype), mask, span, smooth)

@@ -109,7 +109,7 @@ def visibility_from_extinction(extinction: float, threshold: Threshold = "wmo-5%
     """
     if not extinction >= 0:
         raise ValueError(f"extinction must be 0 or more per metre, not {extinction:g}.")
-    return -math.log(_CONTRAST[threshold]) / extinction if extinction else math.inf
+    return -math.log(_CONTRAST[threshold]) / float(extinction) if extinction else math.inf
 
 
 def visibility_of(weather: Weather) -> float:
@@ -118,7 +118,18 @@ def visibility_of(weather: Weather) -> float:
     return math.sqrt(least * most)
 
 
-@stage("medium.fog")
+def _one_at_most(**given: object) -> None:
+    """Refuse parameters of which each says what the others say; None stands for one that is not given."""
+    said = [f"{name} ({value})" for name, value in given.items() if value is not None]
+    if len(said) > 1:
+        raise ValueError(f"give only one of {' and '.join(said)}, since each of them fixes the others.")
+
+
+def _one_density(visibility: float | None, extinction: float | None, weather: Weather | None) -> None:
+    _one_at_most(visibility=visibility, extinction=extinction, weather=weather)
+
+
+@stage("medium.fog", requires=_one_density)
 def fog(
     farthest: Length,
     *,
@@ -164,8 +175,7 @@ def fog(
     Hansard 2019, *Fast synthesis of atmospheric image effects*, sections 2.1 and 5.1; WMO-No. 8, chapter 9;
     Guo, Tang and Xiao 2014, Table 1.
     """
-    if sum(given is not None for given in (visibility, extinction, weather)) > 1:
-        raise ValueError("give visibility or extinction or weather, not two of them: each fixes the others.")
+    _one_density(visibility, extinction, weather)
     if weather is not None:
         visibility = visibility_of(weather)
     if visibility is not None:
@@ -231,7 +241,11 @@ def transmission(range_map: Range, extinction: Coefficient, density: Density | N
     return t
 
 
-@stage("medium.thicken")
+def _one_factor(factor: float | None, weather: Weather | None) -> None:
+    _one_at_most(factor=factor, weather=weather)
+
+
+@stage("medium.thicken", requires=_one_factor)
 def thicken(
     transmission: Transmission,
     density: Density | None = None,
@@ -274,8 +288,7 @@ def thicken(
     maps = {"transmission": transmission} if density is None else {"transmission": transmission, "density": density}
     require_maps(**{name: (array, 1) for name, array in maps.items()})
     require_nonnegative(**maps)
-    if factor is not None and weather is not None:
-        raise ValueError("give factor or weather, not both: each of them fixes the other.")
+    _one_factor(factor, weather)
     if weather is not None:
         factor = METRES_PER_KILOMETRE * extinction_from_visibility(visibility_of(weather), threshold)
     t, *rest = floats(*maps.values())

@@ -57,7 +57,12 @@ def farthest(range_map: Range, *, percentile: Annotated[float, Gt(0), Le(100)] =
     return np.array(np.percentile(measured, percentile) if measured.size else np.nan, np.float64)
 
 
-@stage("range.to_relative")
+def _near_before_far(near: float | None, far: float | None) -> None:
+    if near is not None and far is not None and far < near:
+        raise ValueError(f"far ({far:g} m) must be beyond near ({near:g} m).")
+
+
+@stage("range.to_relative", requires=_near_before_far)
 def to_relative(
     range_map: Range,
     *,
@@ -86,8 +91,8 @@ def to_relative(
     measured = range_map[np.isfinite(range_map)]
     first = near if near is not None else float(measured.min(initial=np.inf))
     last = far if far is not None else float(measured.max(initial=first))
-    if last < first < np.inf:
-        raise ValueError(f"far ({last:g} m) must be beyond near ({first:g} m).")
+    if first < np.inf:
+        _near_before_far(first, last)
     relative = np.full_like(range_map, np.nan)
     relative[np.isposinf(range_map)] = 1
     span = max(last - first, np.finfo(range_map.dtype).tiny)
@@ -171,12 +176,13 @@ def _no_holes(holes: Mask) -> str | None:
 def fill_holes(
     range_map: Range,
     holes: Mask,
+    image: Image | None = None,
     *,
     rng: np.random.Generator,
     samples: Annotated[int, Ge(1)] = 32,
     jump: Annotated[float, Gt(0)] = 0.05,
     largest: Annotated[float, Gt(0), Le(1)] = 0.5,
-    at_edge: Literal["nearest", "consensus"] = "nearest",
+    at_edge: Literal["auto", "image", "nearest", "consensus"] = "auto",
 ) -> Range:
     r"""Give each hole inside the image one range, the one that fits most of its boundary.
 
@@ -193,13 +199,15 @@ def fill_holes(
     ----------
     range_map : (H, W) float, metres. NaN where unknown, +inf for sky.
     holes : (H, W) bool. Only its unknown pixels are filled; a measured pixel never changes.
+    image : (H, W, 3) float, linear light, optional.
     rng : Draws the values that are tried.
     samples : Values tried for each hole.
     jump : s, the jump that costs half of the most, as a share of the range that is tried.
     largest : Share of the image above which a hole is refused, since one range cannot stand for it.
-    at_edge : What fills a hole that reaches the edge of the image: ``"nearest"``, each pixel the range of the nearest
-        measured one, so that the frame around a registered depth map continues what it frames; or ``"consensus"``,
-        one range as for every other hole.
+    at_edge : What fills a hole that reaches the edge of the image, such as the frame around a registered depth map.
+        ``"image"``: what it frames continues along the edges of the image, which must be wired (Laplace's equation for
+        1/R, with little flow between unlike colours). ``"nearest"``: each pixel has the range of the nearest measured
+        one. ``"consensus"``: one range as for every other hole. ``"auto"``: image where it is wired, else nearest.
 
     Returns
     -------
@@ -209,12 +217,14 @@ def fill_holes(
     Raises
     ------
     ValueError
-        If a hole is larger than ``largest``, as in a sparse range map (lidar), which is mostly one hole.
+        If a hole is larger than ``largest``, as in a sparse range map (lidar), which is mostly one hole; or if
+        ``at_edge`` is ``"image"`` without an image.
 
     Notes
     -----
     Time and memory grow with the pixels of all boundaries: ``samples`` passes over them, whatever the
-    number of holes.
+    number of holes. By the image, 1 to 3 µs more for each pixel of a hole at the edge; in a large one, groups of up to
+    4 × 4 pixels or so are solved for as one, and each pixel takes the range of the group that has its colour.
 
     Deviates from the paper: it names neither the robust cost nor the number of samples, and makes no difference
     for holes at the edge (``at_edge="consensus"``).
@@ -238,13 +248,18 @@ def fill_holes(
     fill = np.full(count + 1, np.nan)
     fill[1:] = _consensus(hole_of_edge - 1, edge_range, count, rng, samples, jump)
     filled[unknown] = fill[labels[unknown]]
-    if at_edge == "nearest":
-        _continue_to_edge(filled, range_map, labels)
+    if at_edge == "image" and image is None:
+        raise ValueError('at_edge "image" needs the image: wire image, or set at_edge to "nearest".')
+    if at_edge != "consensus":
+        _continue_to_edge(filled, range_map, labels, None if at_edge == "nearest" else image)
     return filled
 
 
-def _continue_to_edge(filled: np.ndarray, range_map: np.ndarray, labels: np.ndarray) -> None:
-    """Fill, in place, each region that reaches the edge of the image with the nearest measured range."""
+def _continue_to_edge(filled: np.ndarray, range_map: np.ndarray, labels: np.ndarray, image: Image | None) -> None:
+    """Fill, in place, each region that reaches the edge of the image with the nearest measured range.
+
+    With an image, that is the first guess from which what is measured flows along its edges.
+    """
     edge = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
     reaching = np.isin(labels, edge[edge > 0])
     if not reaching.any():
@@ -254,6 +269,11 @@ def _continue_to_edge(filled: np.ndarray, range_map: np.ndarray, labels: np.ndar
     unmeasured = ~np.isfinite(range_map)
     rows, columns = distance_transform_edt(unmeasured, return_distances=False, return_indices=True)  # type: ignore[misc]
     filled[reaching] = range_map[rows[reaching], columns[reaching]]
+    if image is not None:
+        from fogpipe.kernels import edge_fill
+
+        nearness = 1 / np.maximum(filled, np.finfo(filled.dtype).tiny)
+        filled[reaching] = 1 / edge_fill.fill(nearness, reaching, image)[reaching]
 
 
 def _refuse_above(largest: float, shares: np.ndarray) -> None:

@@ -72,12 +72,10 @@ def test_frames_of_a_video_share_draws_and_seed():
     assert [v.settings["density.time"] for v in variants] == [0.0, 0.1, 0.2]
 
 
-def test_an_item_sets_parameters_and_a_sweep_overrules_it():
+def test_an_item_sets_parameters():
     item = Item("1", {}, settings={"fog.visibility": "120", "blurred.solver": "euler"})
     (variant,) = Variation.parse().variants(item, seed=0)
     assert variant.settings == {"fog.visibility": 120, "blurred.solver": "euler"}
-    swept = Variation.parse(["fog.visibility=50"]).variants(item, seed=0)
-    assert swept[0].settings["fog.visibility"] == 50
 
 
 def test_a_value_that_an_item_lacks_cannot_be_bound():

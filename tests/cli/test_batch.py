@@ -99,7 +99,9 @@ def test_a_dry_run_reckons_and_keeps_nothing(fogpipe_cli, words: list[Any], tmp_
         (["--shard", "3/2"], "write it as I/N"),
         (["--engine", "threads"], "choose processes, here or dask://HOST:PORT"),
         (["--option", "image"], "write it as NAME=VALUE"),
-        (["--sweep", "fog.visibility=1,2"], 'there is no stage "fog"'),
+        (["--sweep", "fog.visibility=1,2"], '--sweep fog.visibility\n  there is no stage "fog"'),
+        (["--sample", "extinction.visibilty=uniform(1,2)"], "--sample extinction.visibilty\n  is not a parameter"),
+        (["--set", "extinction.visibility=9", "--sweep", "extinction.visibility=1,2"], "--set sets it too"),
         (["--sweep", "extinction.visibility=1,-2"], "should be greater than 0, not -2"),
         (["--image-format", "jpg", "--names", "{id}.png"], 'the names end in ".png"'),
         (["--names", "{id}.gif"], "--image-format gif: choose one of"),
@@ -114,6 +116,38 @@ def test_what_cannot_be_is_refused_before_anything_runs(
     assert ended.code == 2
     assert message in ended.err
     assert not list(tmp_path.glob("out/images/*.png"))
+
+
+def test_a_parameter_is_not_sampled_over_a_column_of_a_table(fogpipe_cli, words: list[Any], tmp_path: Path):
+    table = tmp_path / "photos" / "set.csv"
+    row = "images/0000.png,depth/0000.png,kitti"
+    table.write_text(f"id,image,range_map,encoding,extinction.visibility\n1,{row},\n2,{row},40\n")
+    words = [*words[:2], "--data", f"csv:{table}", "--plugins", tmp_path / "mist/stages", "-o", tmp_path / "out"]
+    words += ["--engine", "here"]
+    ended = fogpipe_cli(*words, "--sample", "extinction.visibility=uniform(20, 30)")
+    assert ended.code == 2
+    assert f"--sample extinction.visibility: {table} sets it too, to 40 for 2; leave one of them out." in ended.err
+    assert not (tmp_path / "out").exists()
+    assert fogpipe_cli(*words, "--set", "extinction.visibility=20").code == 0  # for the rows that say nothing
+    rows = (tmp_path / "out" / "manifest.csv").read_text().splitlines()
+    assert len(rows) == 3
+
+
+def test_a_problem_of_a_column_names_the_item(fogpipe_cli, words: list[Any], tmp_path: Path):
+    table = tmp_path / "photos" / "set.csv"
+    table.write_text("id,image,range_map,encoding,extinction.visibilty\n1,images/0000.png,depth/0000.png,kitti,4\n")
+    words = [*words[:2], "--data", f"csv:{table}", "--plugins", tmp_path / "mist/stages", "-o", tmp_path / "out"]
+    ended = fogpipe_cli(*words, "--engine", "here")
+    assert ended.code == 1
+    assert "1: extinction.visibilty" in ended.err
+
+
+def test_a_dry_run_in_which_items_fail_ends_with_1(fogpipe_cli, words: list[Any], tmp_path: Path):
+    (tmp_path / "photos" / "images" / "0000.png").write_bytes(b"")
+    ended = fogpipe_cli(*words, "--dry-run")
+    assert ended.code == 1
+    assert "1 of 3 items that were tried failed; nothing was kept." in ended.err
+    assert not (tmp_path / "out").exists()
 
 
 def test_ctrl_c_ends_a_batch_well(words: list[Any], tmp_path: Path):
@@ -140,7 +174,11 @@ def test_readers_are_listed_and_shown(fogpipe_cli):
     listed = fogpipe_cli("datasets")
     assert listed.code == 0
     assert {"kitti", "cityscapes", "csv"} <= {line.split()[0] for line in listed.out.splitlines()}
-    assert "P2" in fogpipe_cli("datasets", "kitti").out or "calib" in fogpipe_cli("datasets", "kitti").out
+    card = fogpipe_cli("datasets", "kitti").out
+    assert "    2011_09_26/calib_cam_to_cam.txt" in card
+    assert "| `--option depth=…` | depth_2 | the folder of the object detection set that holds depth. |" in card
+    assert "::" not in card
+    assert "-----\n" not in card
     rows = json.loads(fogpipe_cli("datasets", "--json").out)["datasets"]
     assert next(row for row in rows if row["name"] == "cityscapes")["options"] == ["split", "labels"]
     assert fogpipe_cli("datasets", "kiti").code == 2

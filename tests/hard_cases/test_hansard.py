@@ -26,12 +26,12 @@ class Haze(NamedTuple):
     image: np.ndarray
 
 
-def haze(image, range_map, *, solver="invariant", matting="direct", strength=8.0, **fog) -> Haze:
+def haze(image, range_map, *, solver="invariant", matting="colour", strength=8.0, **fog) -> Haze:
     """Haze on an image; by default so dense that visibility is 20 m."""
     undefined = sky.identify(range_map)
     farthest = ranging.farthest(range_map)
-    filled = ranging.fill_holes(range_map, undefined.holes, rng=np.random.default_rng(0), largest=1.0)
-    matted = sky.matte(filled, undefined.sky, farthest, solver=matting)
+    filled = ranging.fill_holes(range_map, undefined.holes, image, rng=np.random.default_rng(0), largest=1.0)
+    matted = sky.matte(filled, undefined.sky, farthest, image, solver=matting)
     air = medium.fog(farthest, **(fog or {"visibility": 20.0}))
     t = medium.transmission(matted, air.extinction)
     scale = blur.scale(matted, air.scattering, farthest, strength=strength)
@@ -242,7 +242,7 @@ SHAPES = st.tuples(st.integers(1, 6), st.integers(1, 6))
     ),
     optical_thickness=st.floats(0, 400),
     solver=st.sampled_from(["invariant", "euler"]),
-    matting=st.sampled_from(["direct", "jacobi"]),
+    matting=st.sampled_from(["colour", "direct", "jacobi"]),
 )
 def test_every_small_scene(scene, optical_thickness, solver, matting):
     image, range_map = scene

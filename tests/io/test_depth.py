@@ -192,6 +192,28 @@ class TestFiles:
         (note,) = read_depth(path, encoding="kitti").notes
         assert note == "depth.png as kitti (Z = v/256 m): 1 to 4 m, 25.0% unknown, 0.0% sky"
 
+    def test_whole_numbers_are_no_metres(self, tmp_path):
+        codes = np.random.default_rng(1).integers(500, 4000, (40, 50)).astype(np.float32)
+        codes[:10] = np.nan
+        message = refused(npy(tmp_path / "d.npy", codes), "metres")
+        assert "as metres, all values are whole numbers, as millimetres and other codes are" in message
+        assert read_depth(npy(tmp_path / "d.npy", np.nan_to_num(codes).astype(np.uint16)), encoding="millimetres")
+
+    @pytest.mark.parametrize("kind", ["rounded", "fraction", "few", "half"])
+    def test_metres_that_look_like_whole_numbers(self, tmp_path, kind):
+        metres = {
+            "rounded": np.random.default_rng(1).integers(1, 200, (40, 50)).astype(np.float32),  # a street, to the metre
+            "fraction": np.append(np.arange(1.0, 4000), 7.5)[None],
+            "few": np.repeat(np.arange(100.0, 1000, 100), 50)[None],  # planes of a test picture
+            "half": np.linspace(1024, 4000, 5000).astype(np.float16)[None],  # all of whose numbers are whole there
+        }[kind]
+        assert read_depth(npy(tmp_path / "d.npy", metres), encoding="metres").values.shape == metres.shape
+
+    def test_a_note_doubts_a_scene_with_nothing_near(self, tmp_path):
+        for nearest, doubted in ((299.5, False), (300.5, True)):
+            (note,) = read_depth(npy(tmp_path / "d.npy", np.float32([[nearest, 900]])), encoding="metres").notes
+            assert ("make sure that the unit is metres" in note) == doubted
+
     def test_a_note_doubts_metres_below_one(self, tmp_path):
         (note,) = read_depth(npy(tmp_path / "d.npy", np.full((2, 2), 0.5, np.float32)), encoding="metres").notes
         assert "make sure that it is not relative depth" in note
@@ -267,11 +289,11 @@ class TestRefusals:
         ("colour", "bits", "message"),
         [
             (0, 8, "has 8 bits per pixel: a picture of depth"),
-            (2, 8, "is a colour picture of depth"),
-            (2, 16, "is a colour picture of depth"),
-            (3, 8, "is a palette picture of depth"),
-            (4, 8, "is a grey with alpha picture of depth"),
-            (6, 8, "is a colour with alpha picture of depth"),
+            (2, 8, "is a colour picture, a photograph or one of depth"),
+            (2, 16, "is a colour picture, a photograph or one of depth"),
+            (3, 8, "is a palette picture, a photograph or one of depth"),
+            (4, 8, "is a grey with alpha picture, a photograph or one of depth"),
+            (6, 8, "is a colour with alpha picture, a photograph or one of depth"),
         ],
     )
     def test_pictures_of_depth(self, tmp_path, colour, bits, message):

@@ -291,3 +291,20 @@ def test_real_photographs_survive_a_lossless_round_trip(shared_data: Path):
         assert picture.pixels.dtype == np.float32
         assert math.isclose(picture.pixels.max(), 1, rel_tol=1e-6), name  # all three have a saturated pixel
         np.testing.assert_array_equal(decode_image(encode_image(picture.pixels, ".png")).pixels, picture.pixels)
+
+
+def test_a_grey_picture_that_looks_like_a_depth_map_is_doubted():
+    ramp = np.linspace(0, 65535, 4000).astype(np.uint16).reshape(40, 100)
+    for mark in (0, 65535):
+        codes = np.clip(ramp // 4 + 5000, 5000, 30000).astype(np.uint16)
+        codes[:3] = mark
+        description = decode_image(_grey_png(codes)).description
+        assert f"is this a depth map? 7.5% of it is {mark}" in description
+    for photograph in (ramp, np.clip(ramp.astype(int) - 9000, 0, 65535).astype(np.uint16), np.zeros_like(ramp)):
+        assert "depth map" not in decode_image(_grey_png(photograph)).description
+
+
+def _grey_png(levels: np.ndarray) -> bytes:
+    import cv2
+
+    return cv2.imencode(".png", levels)[1].tobytes()

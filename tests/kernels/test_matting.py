@@ -29,6 +29,16 @@ def test_direct_solves_the_equation():
     np.testing.assert_allclose(solution[y, x], mean, atol=1e-9)
 
 
+def test_a_guide_of_one_colour_changes_nothing_and_an_edge_stops_the_flow():
+    values, free = horizon(12)
+    plain = direct(values, free)
+    # The likeness of a colour to itself is 1 + 3e-4 for every neighbour; float32.
+    np.testing.assert_allclose(direct(values, free, np.ones((*values.shape, 3))), plain, rtol=1e-6)
+    guide = np.zeros((*values.shape, 1))
+    guide[free | (values == 1.5)] = 1.0  # the margin has the colour of the sky
+    assert direct(values, free, guide)[free].min() > 1.4 > 1 > plain[free].min()
+
+
 @pytest.mark.parametrize("solve", [direct, lambda values, free: jacobi(values, free, 24)], ids=["direct", "jacobi"])
 def test_only_free_pixels_change(solve):
     values, free = horizon(12)

@@ -114,7 +114,10 @@ def test_parameter_of_wrong_type_and_unknown_choice(registry):
 def test_a_problem_of_an_override_names_the_option(registry):
     assert only(registry, GOOD, **{"t.extinction": -1}).where == "--set t.extinction"
     assert 'no stage "tt"' in only(registry, GOOD, **{"tt.extinction": 1}).what
-    assert 'Did you mean "beta"' in only(registry, GOOD, bta=1).what
+    assert "Did you mean beta?" in only(registry, GOOD, bta=1).what
+    assert "Did you mean t.extinction?" in only(registry, GOOD, extinction=1).what
+    assert "Did you mean filled.value?" in only(registry, GOOD, vlue=1).what
+    assert "Write it as STAGE.PARAMETER=VALUE." in only(registry, GOOD, xyz=1).what
 
 
 def test_a_cycle_is_named(registry):
@@ -240,14 +243,46 @@ def test_an_input_cannot_bear_the_name_of_an_option_of_run(registry):
     assert any("option of Pipeline.run" in p.what for p in found)
 
 
-def test_a_list_that_is_too_short_is_named_at_the_option(registry):
-    text = """\
-    fogpipe: 1
-    inputs: {image: Image}
-    stages: {light: {use: airlight.estimate, in: {image: image}}}
-    outputs: {light: light}
-    """
-    assert only(registry, text, **{"light.colour": [0.5, 0.6]}).where == "--set light.colour"
+FOG = """\
+fogpipe: 1
+inputs: {range_map: Range}
+stages:
+  farthest: {use: range.farthest, in: {range_map: range_map}}
+  fog: {use: medium.fog, in: {farthest: farthest}, with: {weather: haze}}
+outputs: {extinction: fog.extinction}
+"""
+
+
+def test_parameters_that_do_not_go_together_are_refused_where_the_last_of_them_is_said(registry):
+    problem = only(registry, FOG.replace("weather: haze", "weather: haze, visibility: 50"))
+    assert (problem.line, problem.where) == (5, "stages.fog.with.visibility")
+    assert "give only one of visibility (50.0) and weather (haze)" in problem.what
+    problem = only(registry, FOG, **{"fog.extinction": 0.1})
+    assert problem.where == "--set fog.extinction"
+    assert "The file sets weather; null takes that back, as in --set fog.weather=null." in problem.what
+    both = {"fog.weather": None, "fog.extinction": 0.1}
+    assert check(read_spec(FOG, "t", both), registry).nodes["fog"].parameters["extinction"] == 0.1
+    # A parameter that is not settled is told once.
+    assert len(problems(registry, FOG.replace("weather: haze", "weather: $grade, visibility: 50"))) == 1
+
+
+def test_a_value_of_another_form_is_told_the_form(registry):
+    text = "fogpipe: 1\ninputs: {image: Image}\nstages: {light: {use: airlight.estimate, in: {image: image}}}\n"
+    text += "outputs: {light: light}\n"
+    for value in ([0.7, 0.7], [0.7] * 4, 0.7, [0.7, "red", -1]):
+        problem = only(registry, text, **{"light.colour": value})
+        assert problem.where == "--set light.colour"
+        assert problem.what == f"should be (float ≥ 0, float ≥ 0, float ≥ 0) or none, not {value!r}."
+    layer = "fogpipe: 1\ninputs: {image: Image}\nstages: {sky: {use: layers.backdrop, in: {image: image}}}\n"
+    problem = only(registry, layer + "outputs: {sky: sky}\n", **{"sky.depth": 2})
+    assert problem.what == "should be float ≥ 0, ≤ 1 or close-up or middle or background, not 2."
+
+
+def test_a_problem_of_an_override_names_the_option_that_gave_it(registry):
+    said_by = {"t.extinctoin": "--sweep", "tt.law": "--sample"}
+    with pytest.raises(PipelineError) as caught:
+        check(read_spec(GOOD, "t", {"t.extinctoin": 1, "tt.law": 2, "t.law": "no"}, said_by), registry)
+    assert {p.where for p in caught.value.problems} == {"--sweep t.extinctoin", "--sample tt.law", "--set t.law"}
 
 
 def test_invalid_yaml_is_the_only_problem_that_is_reported(registry):

@@ -200,3 +200,24 @@ def test_levels_that_were_made_floats_are_refused_and_hdr_is_not():
         inputs_from_arrays(plan("image"), {"image": levels.astype(np.float32)})
     for fine in (levels.astype(np.uint8), levels / 255, levels + 0.5, np.ones((HEIGHT, WIDTH, 3))):
         assert inputs_from_arrays(plan("image"), {"image": fine}).values["image"].shape == (HEIGHT, WIDTH, 3)
+
+
+def test_whole_numbers_are_no_metres():
+    codes = np.random.default_rng(0).integers(500, 4000, (40, 50))
+    with pytest.raises(InputError, match=r"input range_map: all values are whole numbers, as millimetres"):
+        inputs_from_arrays(plan("range_map"), {"range_map": codes.astype(np.float32)})
+    for metres in (codes / 1000, codes + 0.25, np.full((40, 50), 2.0), (codes % 100).astype(float)):
+        assert inputs_from_arrays(plan("range_map"), {"range_map": metres}).values["range_map"].shape == (40, 50)
+
+
+def test_one_file_is_not_picture_and_depth_but_an_exr_is(folder):
+    Image.fromarray(np.full((HEIGHT, WIDTH), 2000, np.uint16)).save("d.png")
+    both = Request(files={"image": "d.png", "range_map": "./d.png"}, depth="millimetres")
+    assert "is given as image and as range_map, but it can only be one of them" in refused(both, "image", "range_map")
+    import OpenEXR
+
+    channels = {name: np.full((HEIGHT, WIDTH), 2.5, np.float32) for name in ("R", "G", "B", "Z")}
+    with OpenEXR.File({}, channels) as file:
+        file.write("render.exr")
+    request = Request(files={"image": "render.exr", "range_map": "render.exr"}, depth="exr-z")
+    assert set(inputs_from_request(plan("image", "range_map"), request).values) == {"image", "range_map"}

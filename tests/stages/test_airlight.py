@@ -7,7 +7,7 @@ import pytest
 
 from fogpipe.stages.airlight import LUMINANCE, estimate
 
-HAZE = np.array([0.7, 0.75, 0.8], np.float32)
+HAZE = np.array([0.6, 0.65, 0.7], np.float32)
 
 
 def scene() -> tuple[np.ndarray, np.ndarray]:
@@ -39,9 +39,36 @@ def test_dark_ground_in_a_sky_that_was_guessed_does_not_count_with_its_brighter_
     image, sky = scene()
     image[:40] = HAZE
     image[15:40] = 0.05  # mountains that were taken for sky, most of it
-    np.testing.assert_array_equal(estimate(image, sky, horizon=1), np.float32([0.05] * 3))
-    np.testing.assert_array_equal(estimate(image, sky, horizon=1, brighter=0.25), HAZE)
+    np.testing.assert_array_equal(estimate(image, sky, horizon=1, darkest=0), np.float32([0.05] * 3))
+    np.testing.assert_array_equal(estimate(image, sky, horizon=1, darkest=0, brighter=0.25), HAZE)
     assert estimate(image[:1], sky[:1], brighter=1e-9) == pytest.approx(HAZE)  # one pixel is left
+
+
+def test_trees_above_the_reach_of_a_lidar_are_no_sky():
+    image, sky = scene()
+    image[:40] = HAZE
+    image[10:40] = 0.02  # three quarters of the mask, and all of its lowest part
+    np.testing.assert_array_equal(estimate(image, sky), HAZE)
+    np.testing.assert_array_equal(estimate(image, sky, darkest=0), np.float32([0.02] * 3))
+    image[10:40] = 0.5 * HAZE  # but clouds and the blue of the zenith are
+    np.testing.assert_array_equal(estimate(image, sky), 0.5 * HAZE)
+
+
+def test_an_overexposed_sky_makes_a_light_grey_and_no_white():
+    image, sky = scene()
+    image[:40] = 1
+    np.testing.assert_allclose(estimate(image, sky), 0.7, rtol=1e-6)  # float32 sums of three
+    np.testing.assert_allclose(estimate(image), 0.7, rtol=1e-6)
+    np.testing.assert_array_equal(estimate(image, sky, ceiling=1), [1, 1, 1])
+    image[:40] = [0.8, 0.9, 1.0]  # its hue stays
+    found = estimate(image, sky)
+    np.testing.assert_allclose(found / found[2], [0.8, 0.9, 1.0], rtol=1e-6)
+
+
+def test_a_sky_that_is_bright_in_hdr_stays_as_bright():
+    image, sky = scene()
+    image[:40] = 3 * HAZE
+    np.testing.assert_array_equal(estimate(image, sky), 3 * HAZE)
 
 
 def test_brightest_patches_without_a_sky():
@@ -102,6 +129,8 @@ def test_light_below_zero_is_none():
     [
         ({"source": "given"}, "needs a colour"),
         ({"source": "sky"}, "this scene has none"),
+        ({"source": "sky", "colour": (1.0, 1.0, 1.0)}, "leave colour out"),
+        ({"colour": (178.0, 188.0, 198.0)}, r"As levels of 0 to 255 it would be \(0.445, 0.503, 0.565\)"),
         ({"colour": (1.0, -0.1, 1.0)}, "three finite numbers of 0 or more"),
         ({"colour": (1.0, np.nan, 1.0)}, "three finite numbers of 0 or more"),
         ({"colour": (1.0, 1.0)}, "three finite numbers of 0 or more"),
@@ -112,9 +141,17 @@ def test_what_cannot_be_is_refused(options, message):
         estimate(np.ones((4, 4, 3)), **options)
 
 
+@pytest.mark.parametrize("brightest", [20.0, 1e4])
+def test_the_airlight_of_an_hdr_image_may_be_as_bright_as_the_image(brightest: float):
+    image = np.full((4, 4, 3), brightest)
+    np.testing.assert_array_equal(estimate(image, colour=(200.0, 200.0, 200.0)), [200, 200, 200])
+
+
 def test_an_image_without_a_finite_pixel_is_refused():
     with pytest.raises(ValueError, match=r"brightest.*three finite numbers"):
         estimate(np.full((4, 4, 3), np.nan))
+    with pytest.raises(ValueError, match=r"auto.*three finite numbers"):
+        estimate(np.full((4, 4, 3), np.nan), np.ones((4, 4), bool))
 
 
 def test_an_estimated_colour_can_be_made_paler_at_the_same_luminance():

@@ -160,3 +160,48 @@ def test_gaps_alone_make_no_sky():
     range_map = leafy_crown()
     range_map[:10] = 30.0
     assert not identify(range_map).sky.any()
+
+
+def leaves_before_a_blue_sky() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A crown with gaps of one and two pixels, its range and its sky; the image is a pixel off to the right."""
+    leaf, blue = np.float32([0.05, 0.1, 0.02]), np.float32([0.2, 0.35, 0.7])
+    scene = np.zeros((40, 40), bool)
+    scene[20:, 5:35] = True
+    scene[22:36:4, 8:30] = False
+    scene[24:26, 8:30] = False
+    image = np.where(np.roll(scene, 1, axis=1)[..., None], leaf, blue)
+    return image, np.where(scene, np.float32(10), np.float32(np.nan)), ~scene
+
+
+def test_with_an_image_the_sky_between_leaves_is_as_far_as_the_sky():
+    image, range_map, sky = leaves_before_a_blue_sky()
+    by_colour = matte(range_map, sky, np.array(10.0), image, beyond=20)
+    by_distance = matte(range_map, sky, np.array(10.0), image, beyond=20, solver="direct")
+    gap = (slice(24, 26), slice(12, 28))
+    # A share of 3e-3 (how well colours tell) of 1/10 m, beside 1/200 m, is 188 m.
+    assert by_colour[gap].min() > 188
+    assert by_distance[gap].max() < 11  # seen clearly, whatever the haze
+    assert by_colour[30, 35] == pytest.approx(10, rel=5e-3)  # leaf in the image, sky in the range
+    np.testing.assert_array_equal(by_colour[~sky], range_map[~sky])
+    np.testing.assert_array_equal(matte(range_map, sky, np.array(10.0), beyond=20), by_distance)
+
+
+def test_half_a_leaf_is_half_as_near():
+    image, range_map, sky = leaves_before_a_blue_sky()
+    image[30, 36] = (image[30, 34] + image[30, 38]) / 2
+    matted = matte(range_map, sky, np.array(10.0), image, beyond=20)
+    assert 1 / matted[30, 36] == pytest.approx((1 / 10 + 1 / 200) / 2, rel=5e-3)
+
+
+def test_a_sky_that_is_all_margin_still_has_its_colour():
+    image, range_map, sky = leaves_before_a_blue_sky()
+    image, range_map, sky = image[21:], range_map[21:], sky[21:]
+    sky[:, :5] = sky[:, 35:] = False
+    range_map[:, :5] = range_map[:, 35:] = 10
+    assert matte(range_map, sky, np.array(10.0), image, beyond=20)[3:5, 12:28].min() > 188
+
+
+def test_colour_needs_an_image():
+    _, range_map, sky = leaves_before_a_blue_sky()
+    with pytest.raises(ValueError, match="wire image"):
+        matte(range_map, sky, np.array(10.0), solver="colour")

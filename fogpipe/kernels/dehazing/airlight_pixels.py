@@ -1,4 +1,4 @@
-"""Pixels of a picture that may show its airlight, each found by another sign."""
+"""Pixels of a picture that may show its airlight, each found by another sign; or a colour that is given."""
 
 from __future__ import annotations
 
@@ -7,13 +7,44 @@ from collections.abc import Sequence
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.srgb import linear_from_srgb
+
+FAR_ABOVE = 16
+"""How many times as bright as its image an airlight is only by mistake."""
+
+
+def given(colour: tuple[float, float, float], image: FloatArray) -> FloatArray:
+    """A colour that a person gives, (3,) of the dtype of the image, in which 1 is white.
+
+    Raises
+    ------
+    ValueError
+        If it is negative, not finite, or so bright that it must be in levels of 0 to 255.
+    """
+    airlight = np.array(colour, image.dtype)
+    if airlight.shape != (3,) or not np.isfinite(airlight).all() or airlight.min() < 0:
+        raise ValueError(f"the airlight (given) must be three finite numbers of 0 or more, not {airlight}.")
+    if airlight.max() > FAR_ABOVE and airlight.max() > FAR_ABOVE * image.max():
+        levels = ", ".join(f"{linear:.3g}" for linear in linear_from_srgb(np.clip(airlight / 255, 0, 1)))
+        raise ValueError(
+            f"colour is more than {FAR_ABOVE} times as bright as white, which is 1, and as anything in the image. As"
+            f" levels of 0 to 255 it would be ({levels}) in linear light."
+        )
+    return airlight
 
 
 def at_horizon(
-    image: FloatArray, luminance: FloatArray, sky: np.ndarray, horizon: float, brighter: float
+    image: FloatArray, luminance: FloatArray, sky: np.ndarray, horizon: float, brighter: float, darkest: float
 ) -> FloatArray:
-    """Pixels (count, 3) of the brighter share of the lowest share of the sky, an (H, W) mask."""
+    """Pixels (count, 3) of the brighter share of the lowest share of the sky, an (H, W) mask.
+
+    Those darker than the share ``darkest`` of what the brightest tenth of the mask exceeds are not sky.
+    """
     pixels = np.flatnonzero(sky)  # in raster order: the last are the lowest
+    if darkest > 0:
+        levels = luminance.reshape(-1)[pixels]
+        dark = levels < darkest * levels[largest(levels, 0.1)].min()
+        pixels = pixels[~dark]  # NaN stays, and is told
     lowest = pixels[-max(1, round(horizon * pixels.size)) :]
     return image.reshape(-1, 3)[lowest[largest(luminance.reshape(-1)[lowest], brighter)]]
 
