@@ -121,7 +121,7 @@ def non_local(
 
     Notes
     -----
-    About 0.3 µs per pixel for a fast pass, 0.2 for denoising, whatever the window; the exact solver takes
+    About 0.4 µs per pixel for a fast pass, 0.2 for denoising, whatever the window; the exact solver takes
     some 15 ns per pixel of the window, for each pixel. Memory is linear in the pixels, and does not grow with the range
     of their values.
 
