@@ -92,6 +92,13 @@ def test_few_values_and_frequent_ones_have_bins_of_their_own():
         assert np.sqrt(np.mean((np.exp(got) - np.exp(wanted)) ** 2)) < 4e-3
 
 
+@pytest.mark.parametrize("quantile", [0.5, 0.95])
+def test_few_neighbours_are_sorted(quantile):
+    log_t, bound, guide = maps(30, 35)
+    arguments = (log_t, bound, guide, PULL, quantile, 1, 0.1)  # nine neighbours at most
+    np.testing.assert_allclose(binned(*arguments, 64), exact(*arguments), atol=1e-6)  # p in float32
+
+
 def test_more_bins_come_nearer():
     log_t, bound, guide = maps(40, 50)
     wanted = np.exp(exact(log_t, bound, guide, PULL, 0.95, 10, 0.1))

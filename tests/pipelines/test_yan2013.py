@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -51,6 +54,41 @@ def test_noise_is_not_amplified_where_the_haze_is_dense(hazy):
         return float(np.abs(np.diff(picture, axis=1))[dense[:, 1:]].mean())
 
     assert roughness(result["clear"]) < 0.5 * roughness(plain)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_memory_is_linear_in_the_pixels_and_not_in_their_range():
+    """What three runs need at most in a process of its own, in MiB."""
+    script = """
+from pathlib import Path
+import numpy as np
+import fogpipe
+from fogpipe.stages.haze import non_local
+
+def memory(name):
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(name))
+
+def need(run):
+    before = memory("VmRSS")
+    Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+    run()
+    print(memory("VmHWM") - before)
+
+tile = np.random.default_rng(0).random((48, 64, 3), np.float32)
+yan2013 = fogpipe.load("yan2013")
+dehaze = lambda times: yan2013.run(to=["clear"], image=np.tile(tile, (times, times, 1)), workers=1)
+dehaze(1)  # loads and compiles
+need(lambda: dehaze(10))
+need(lambda: dehaze(20))
+need(lambda: non_local(tile, np.full(3, 0.9, np.float32), 1e4 * tile))
+"""
+    told = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    small, large, wide = map(float, told.stdout.split())
+    # Four times the pixels; what the first has left with the allocator the second need not ask for.
+    assert 2 * small < large < 5 * small
+    # With a bin for each half σs of the guide there would be 180 000 of them for each column and bin of t: 7 GiB.
+    assert wide < 32
 
 
 @pytest.mark.parametrize("name", ["yan2013", "yan2013-underwater"])

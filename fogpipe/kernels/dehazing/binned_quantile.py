@@ -14,6 +14,7 @@ from numba import njit
 
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
+from fogpipe.kernels.dehazing.weighted_quantile import at_pixel
 
 CELLS_PER_DEVIATION = 2
 """Bins of the guide per standard deviation of its weight."""
@@ -25,6 +26,8 @@ SHARES = 4
 """A pixel counts as four, shared between the two bins of the guide that it lies between."""
 LARGEST_RADIUS = 63
 """Four times the pixels of a window must be counted in 16 bits."""
+FEW = 20.0
+"""Neighbours of less weight in all are sorted: among few, a small error of a weight makes another one the quantile."""
 
 
 def binned(
@@ -58,7 +61,7 @@ def binned(
     in_bands(
         _binned, *out.shape,
         level, start, place, low, high, members, bound, log_t, real(pull), real(quantile), radius, fall,
-        out,
+        guide, deviation, out,
     )  # fmt: skip
     return np.maximum(out, bound, out=out)
 
@@ -100,7 +103,25 @@ def _find(first, last, values, high, place):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _binned(first, last, level, start, place, low, high, members, bound, data, pull, quantile, radius, fall, out):
+def _binned(
+    first,
+    last,
+    level,
+    start,
+    place,
+    low,
+    high,
+    members,
+    bound,
+    data,
+    pull,
+    quantile,
+    radius,
+    fall,
+    guide,
+    deviation,
+    out,
+):
     height, columns = level.shape
     cells, groups = 4 * ((int(place.max()) + 2 + 3) // 4), high.size // GROUP
     column = np.zeros((groups, columns, cells * GROUP), np.uint16)
@@ -113,6 +134,8 @@ def _binned(first, last, level, start, place, low, high, members, bound, data, p
     reach = int(math.sqrt(-math.log(LEAST_LIKENESS) / fall)) + 1
     falls = np.exp(-fall * np.arange(reach + 1, dtype=out.dtype) ** 2)
     weight_groups, weight = np.empty(groups, out.dtype), np.empty(GROUP, out.dtype)
+    most = (2 * radius + 1) ** 2
+    values, weights = np.empty(most, data.dtype), np.empty(most, np.float64)
     for y in range(max(0, first - radius), min(height, first + radius)):
         _count(column, column_groups, place[y], level[y], np.uint16(1))
     for y in range(first, last):
@@ -148,8 +171,8 @@ def _binned(first, last, level, start, place, low, high, members, bound, data, p
             total = weight_groups[group]
             for g in range(group + 1, groups):
                 total += weight_groups[g]
-            if total <= 0:
-                out[y, x] = data[y, x]
+            if total < FEW * SHARES:
+                out[y, x] = at_pixel(y, x, data, bound, guide, pull, quantile, radius, deviation, values, weights)
                 continue
             # The derivative grows: first the group in which it passes zero is sought, then the place in that.
             below = total * 0

@@ -77,6 +77,14 @@ def image_and_field(image: np.ndarray, airlight: np.ndarray) -> tuple[FloatArray
     return floats(image, airlight)
 
 
+def relative(image: np.ndarray, airlight: np.ndarray) -> FloatArray:
+    """Mean over the channels that have airlight of I_c / B_c, shape (H, W), limited to [0, 2]."""
+    image, field = image_and_field(image, airlight)
+    lit = field > 0
+    share = lit / np.where(lit, field, 1) / np.maximum(lit.sum(axis=2, keepdims=True), 1)
+    return np.clip((image * share.astype(image.dtype)).sum(axis=2), 0, 2)
+
+
 @njit(nogil=True, cache=True)
 def _lower_bound(first, last, image, field, floor, lift, bound):
     varies = field.size > 3

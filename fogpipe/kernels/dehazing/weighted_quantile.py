@@ -55,21 +55,27 @@ def exact(
 
 @njit(nogil=True, cache=True)
 def _exact(first, last, log_t, bound, guide, pull, quantile, radius, deviation, out):
-    height, width = log_t.shape
     most = (2 * radius + 1) ** 2
     values, weights = np.empty(most, log_t.dtype), np.empty(most, np.float64)
     for y in range(first, last):
-        for x in range(width):
-            count, total = 0, 0.0
-            for j in range(max(0, y - radius), min(height, y + radius + 1)):
-                for i in range(max(0, x - radius), min(width, x + radius + 1)):
-                    if log_t[j, i] >= bound[y, x]:
-                        z = (guide[y, x] - guide[j, i]) / deviation
-                        values[count] = log_t[j, i]
-                        weights[count] = math.exp(-z * z / 2)
-                        total += weights[count]
-                        count += 1
-            out[y, x] = crossing(values[:count], weights[:count], total, log_t[y, x], pull, quantile)
+        for x in range(log_t.shape[1]):
+            out[y, x] = at_pixel(y, x, log_t, bound, guide, pull, quantile, radius, deviation, values, weights)
+
+
+@njit(nogil=True, cache=True)
+def at_pixel(y, x, log_t, bound, guide, pull, quantile, radius, deviation, values, weights):
+    """The solution at one pixel; ``values`` and ``weights`` have room for its window."""
+    height, width = log_t.shape
+    count, total = 0, 0.0
+    for j in range(max(0, y - radius), min(height, y + radius + 1)):
+        for i in range(max(0, x - radius), min(width, x + radius + 1)):
+            if log_t[j, i] >= bound[y, x]:
+                z = (guide[y, x] - guide[j, i]) / deviation
+                values[count] = log_t[j, i]
+                weights[count] = math.exp(-z * z / 2)
+                total += weights[count]
+                count += 1
+    return crossing(values[:count], weights[:count], total, log_t[y, x], pull, quantile)
 
 
 @njit(nogil=True, cache=True)
