@@ -38,7 +38,8 @@ def deviation_of_smooth_parts(image: np.ndarray) -> float:
     Leaves and bricks, which :func:`deviation` takes for noise in part, would be smoothed away by it. Here each region
     has its own power v₁ of details, and the tenth percentile counts, less what is texture there: of n from noise and s
     from texture, v₁ = n + s, and details twice as large have the power v₂ = n + 6 s. What has no detail at all, black
-    or white, is passed over. 0 for an image of less than 8 pixels in a direction, and for one with rounding errors only.
+    or white, is passed over. 0 for an image of less than 8 pixels in a direction, and for one with rounding errors
+    only.
     """
     if min(image.shape[:2]) < LEAST_SIDE:
         return 0.0
