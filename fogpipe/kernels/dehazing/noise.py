@@ -25,10 +25,10 @@ def deviation(image: np.ndarray) -> float:
         return 0.0
     from skimage.restoration import estimate_sigma
 
-    varying = image.max(axis=(0, 1)) > image.min(axis=(0, 1))
-    if not varying.all():  # scikit-image warns of a channel without any detail
+    planes = np.ascontiguousarray(np.moveaxis(image, 2, 0))
+    if (planes.max(axis=(1, 2)) == planes.min(axis=(1, 2))).any():  # scikit-image warns of a channel without detail
         return 0.0
-    sigma = float(estimate_sigma(image, channel_axis=2, average_sigmas=True))
+    sigma = float(estimate_sigma(planes, channel_axis=0, average_sigmas=True))
     return sigma if sigma > 1e-5 * float(np.abs(image).max()) else 0.0
 
 
@@ -45,13 +45,14 @@ def deviation_of_smooth_parts(image: np.ndarray) -> float:
         return 0.0
     import pywt
 
-    rest, (_, _, details) = pywt.dwt2(np.asarray(image, np.float32), "db2", axes=(0, 1))
-    _, (_, _, larger) = pywt.dwt2(rest, "db2", axes=(0, 1))
-    rows, columns = ((side // 2 - 1) for side in details.shape[:2])
+    planes = np.ascontiguousarray(np.moveaxis(image, 2, 0), np.float32)
+    rest, (_, _, details) = pywt.dwt2(planes, "db2")
+    _, (_, _, larger) = pywt.dwt2(rest, "db2")
+    rows, columns = ((side // 2 - 1) for side in details.shape[1:])
     # Without those that saw beyond the border.
-    fine = np.square(details[1 : 2 * rows + 1, 1 : 2 * columns + 1]).mean(axis=2)
-    fine = fine.reshape(rows, 2, columns, 2).mean(axis=(1, 3))
-    coarse = np.square(larger[1 : rows + 1, 1 : columns + 1]).mean(axis=2)
+    every = np.square(details[:, 1 : 2 * rows + 1, 1 : 2 * columns + 1]).mean(axis=0)
+    fine = (every[::2, ::2] + every[::2, 1::2] + every[1::2, ::2] + every[1::2, 1::2]) / 4
+    coarse = np.square(larger[:, 1 : rows + 1, 1 : columns + 1]).mean(axis=0)
     seen = fine > 1e-10 * float(np.abs(image).max()) ** 2
     edges = [np.arange(0, max(1, side - REGION // 8), REGION // 4) for side in fine.shape]
     small, large, count, size = (
