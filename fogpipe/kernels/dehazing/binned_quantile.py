@@ -75,8 +75,9 @@ def _bins(log_t: FloatArray, levels: int) -> tuple[FloatArray, FloatArray, Float
     values, counts = np.unique(log_t, return_counts=True)
     last = np.arange(values.size)
     if values.size > levels:
-        alone = np.argpartition(counts, -levels // 4)[-levels // 4 :]
-        alone = np.concatenate([[0, values.size - 1], alone[counts[alone] > log_t.size / levels]])
+        often = np.flatnonzero(counts > log_t.size / levels)
+        often = often[np.argsort(-counts[often], kind="stable")[: levels // 4]]
+        alone = np.concatenate([[0, values.size - 1], often])
         steps = np.log(np.linspace(np.exp(values[0]), np.exp(values[-1]), levels - 2 * alone.size))
         inner = np.searchsorted(values, steps.astype(values.dtype), side="right") - 1
         last = np.unique(np.maximum([*inner, *alone, *(alone - 1)], 0))

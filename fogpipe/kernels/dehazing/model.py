@@ -82,7 +82,8 @@ def relative(image: np.ndarray, airlight: np.ndarray) -> FloatArray:
     image, field = image_and_field(image, airlight)
     lit = field > 0
     share = lit / np.where(lit, field, 1) / np.maximum(lit.sum(axis=2, keepdims=True), 1)
-    return np.clip((image * share.astype(image.dtype)).sum(axis=2), 0, 2)
+    share = np.broadcast_to(share.astype(image.dtype), image.shape)
+    return np.clip(np.einsum("yxc,yxc->yx", image, share), 0, 2)
 
 
 @njit(nogil=True, cache=True)
