@@ -59,8 +59,8 @@ def on_grid(
         height, width = LEAST_ROWS + 2 * margin, COLUMNS - 2 * margin
         # The next factor takes what it needs from beyond the squares that are wanted.
         where = wanted if number == len(factors) - 1 else everything
-        arguments = (height, width, _flat(layer), rate, where, spectra, series)
-        in_bands(_tiles, -(-rows // height), height * columns, *arguments, _flat(after))
+        arguments = (height, width, in_rows(layer), rate, where, spectra, series)
+        in_bands(_tiles, -(-rows // height), height * columns, *arguments, in_rows(after))
         layer = after
     return layer
 
@@ -76,8 +76,8 @@ def _by_rate(spectrum: float, share: float, dtype: np.dtype) -> tuple[FloatArray
     return np.array(spectra[::-1], dtype), series
 
 
-def _flat(layer: FloatArray) -> FloatArray:
-    """Rows of four numbers for each pixel."""
+def in_rows(layer: FloatArray) -> FloatArray:
+    """A layer (H, W, 4) as rows of four numbers a pixel (H, 4 W), which is the same memory."""
     return layer.reshape(len(layer), -1)
 
 

@@ -13,6 +13,7 @@ from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.coarsening import WEAK
 from fogpipe.kernels.diffusion.grid import Level
 from fogpipe.kernels.diffusion.partition import Partition
+from fogpipe.kernels.diffusion.tiles import in_rows
 
 _ONE, _FOUR, _EIGHT = np.uintp(1), np.uintp(4), np.uintp(8)
 
@@ -58,11 +59,6 @@ def spread(
             in_bands(_fill, *level.joined.shape, level.joined, level.mass, *ways, below[k + 1], below[k])
         if cells.numbers[k].size:
             in_bands(_give, *alone[k].shape, held, alone[k], cells.numbers[k], below[k])
-
-
-def in_rows(layer: FloatArray) -> FloatArray:
-    """A layer (H, W, 4) as rows of four numbers a pixel (H, 4 W), which is the same memory."""
-    return layer.reshape(len(layer), -1)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
