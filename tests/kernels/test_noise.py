@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from fogpipe.kernels.dehazing.noise import deviation, deviation_of_smooth_parts
 
@@ -36,6 +37,24 @@ def test_nothing_is_found_in_constant_and_tiny_images(shape):
     assert deviation_of_smooth_parts(np.full((*shape, 3), 0.7, np.float32)) == 0
     if min(shape) < 8:
         assert deviation_of_smooth_parts(np.random.default_rng(0).random((*shape, 3))) == 0
+
+
+def grain(coloured: float, rng: np.random.Generator) -> np.ndarray:
+    """Noise of 2/255 in each channel, blurred over two pixels; that share of its power is of one channel alone."""
+    shared, own = rng.normal(size=(512, 512, 1)), rng.normal(size=(512, 512, 3))
+    blurred = gaussian_filter(np.sqrt(1 - coloured) * shared + np.sqrt(coloured) * own, (1, 1, 0))
+    return 2 / 255 * blurred / blurred.std()
+
+
+def test_grain_larger_than_a_pixel_is_noise_if_it_is_even_and_coloured():
+    rng = np.random.default_rng(5)
+    fine = grain(0.5, rng)
+    assert deviation(fine) < 0.5 / 255
+    # Not all of it is in details of one size: 0.88 to 0.91 of it with four seeds.
+    assert deviation_of_smooth_parts(0.5 + fine) == pytest.approx(2 / 255, rel=0.15)
+    assert deviation_of_smooth_parts(0.5 + grain(0, rng)) < 0.2 / 255  # as texture is: alike in all channels
+    fading = np.linspace(1, 0.1, 512)[:, None, None]  # as haze does it to what is far away
+    assert deviation_of_smooth_parts(0.5 + fading * fine) < 0.2 / 255
 
 
 def test_a_picture_without_a_smooth_part_holds_less_noise_than_it_has_details():
