@@ -31,7 +31,13 @@ ESTIMATORS: dict[str, Callable[[FloatArray], airlight.AirlightEstimate]] = {
     "dark channel, median": airlight.dark_channel,
     "quad tree": airlight.quad_tree,
     "fading": airlight.fading,
+    "fading, drawn to grey": lambda image: drawn_to_grey(airlight.fading(image), airlight.dark_channel(image)),
 }
+
+
+def drawn_to_grey(found: airlight.AirlightEstimate, other: airlight.AirlightEstimate) -> airlight.AirlightEstimate:
+    """As in ``yan2013``."""
+    return found._replace(airlight=airlight.greyer(found.airlight, other.airlight))
 
 
 def measure(quick: bool) -> Iterator[Row]:

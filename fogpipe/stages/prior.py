@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.arrays import FloatArray, over_channels
 from fogpipe.ports import Airlight, Image, Transmission, Unit
 from fogpipe.stage import stage
 from fogpipe.stages.haze import require_haze
@@ -137,7 +137,8 @@ def boundary_constraint(
 
     picture, field = image_and_field(_picture(image, airlight), airlight)
     below, above = _headroom(field - np.float32(darkest)), _headroom(np.float32(brightest) - field)
-    bound = np.minimum(np.maximum((field - picture) / below, (picture - field) / above).max(axis=2), 1)
+    needed = np.maximum((field - picture) / below, (picture - field) / above)
+    bound = np.minimum(over_channels(np.maximum, needed), 1)
     closed = cv2.morphologyEx(bound, cv2.MORPH_CLOSE, np.ones((patch, patch), np.uint8))
     return _like(image, np.clip(smooth(closed, picture, fidelity, deviation), 0, 1))
 

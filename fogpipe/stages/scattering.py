@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from fogpipe.kernels.arrays import FloatArray, floats, require_finite, require_maps
+from fogpipe.kernels.arrays import FloatArray, floats, over_channels, require_finite, require_maps
 from fogpipe.ports import Camera, Image, Layer, RelativeDepth, Transmission, Unit
 from fogpipe.stage import stage
 
@@ -280,7 +280,7 @@ def apsf(
     profile = published(asymmetry, optical_thickness)
     position = np.where(depth < threshold, depth / threshold, 1 + (depth - threshold) / (1 - threshold))
     focals = tuple(size * focal for size in (near, middle, far))
-    lightness = (image.max(axis=2) + image.min(axis=2)) / 2
+    lightness = (over_channels(np.maximum, image) + over_channels(np.minimum, image)) / 2
     planes = lightness[None] if channels == "luminance" else np.ascontiguousarray(image.transpose(2, 0, 1))
     blurred = varying.by_size(planes, position, profile, focals, form, exact=solver == "reference")
     if channels == "all":

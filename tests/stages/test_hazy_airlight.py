@@ -30,7 +30,7 @@ def errors() -> Callable[[str, str], tuple[float, float]]:
 
 # In the thinner haze hills at the horizon keep a transmission of 0.2 and are up to 0.1 from the airlight of the sky.
 @pytest.mark.parametrize("extra", EXTRAS)
-@pytest.mark.parametrize("way", ["quad tree", "fading"])
+@pytest.mark.parametrize("way", ["quad tree", "fading", "fading, drawn to grey"])
 def test_neither_lamp_nor_wall_moves_the_robust_estimators(errors, way, extra):
     distance, angle = errors(way, extra)
     assert distance < 0.08
@@ -107,3 +107,26 @@ def test_black_below_black_and_brighter_than_white(stage):
 def test_nan_is_refused(stage):
     with pytest.raises(ValueError, match="NaN or infinite"):
         stage(np.full((5, 5, 3), np.nan))
+
+
+def test_an_estimate_is_drawn_to_a_greyer_one_that_nearly_agrees():
+    tinted = np.array([0.65, 0.62, 0.60], np.float32)
+    grey, pale = np.full(3, 0.66, np.float32), np.array([0.66, 0.66, 0.635], np.float32)
+    np.testing.assert_allclose(airlight.greyer(tinted, grey), grey, rtol=1e-6)  # float32
+    # Saturations of 0.077 and 0.038: half of the way.
+    np.testing.assert_allclose(airlight.greyer(tinted, pale), (tinted + pale) / 2, atol=1e-3)
+
+
+def test_an_estimate_stays_beside_one_that_is_far_away_or_of_more_colour():
+    blue = np.array([0.65, 0.72, 0.82], np.float32)
+    for other in (np.ones(3), np.array([0.62, 0.72, 0.84]), np.zeros(3)):
+        np.testing.assert_array_equal(airlight.greyer(blue, other), blue)
+    np.testing.assert_array_equal(airlight.greyer(np.zeros(3), np.zeros(3)), 0)
+
+
+def test_only_two_finite_colours_can_be_drawn_to_each_other():
+    colour = np.full(3, 0.7)
+    with pytest.raises(ValueError, match=r"other must be one colour, \(3,\), not of shape \(4, 5, 3\)"):
+        airlight.greyer(colour, np.ones((4, 5, 3)))
+    with pytest.raises(ValueError, match="NaN or infinite"):
+        airlight.greyer(np.full(3, np.nan), colour)

@@ -41,7 +41,8 @@ def colour_faded_into(image: np.ndarray, fading: float) -> FloatArray:
     best, most = pixels, -1.0
     for members in _groups(pixels, even):
         colour = np.median(pixels[members], axis=0)
-        distance = np.linalg.norm(pixels - colour, axis=1) / max(np.linalg.norm(colour), 1e-6)
+        apart = pixels - colour
+        distance = np.sqrt(np.einsum("pc,pc->p", apart, apart)) / max(np.linalg.norm(colour), 1e-6)
         evidence = min(np.mean((distance >= NEAR) & (distance < FAR)) / fading, 1)
         score = colour.min() * np.mean(distance < NEAR) ** SIZE_MATTERS * evidence
         if score > most:
@@ -62,7 +63,9 @@ def _groups(pixels: FloatArray, even: np.ndarray) -> list[np.ndarray]:
     if not even.any():
         return []
     cell = max(CELL * float(pixels[even].max()), 1e-6)
-    _, label = np.unique(np.floor(pixels[even] / cell).astype(np.int64), axis=0, return_inverse=True)
+    red, green, blue = np.floor(pixels[even] / cell).astype(np.int64).T
+    side = int(1 / CELL) + 2
+    _, label = np.unique((red * side + green) * side + blue, return_inverse=True)
     places = np.flatnonzero(even)
-    groups = [places[label.reshape(-1) == number] for number in range(label.max() + 1)]
+    groups = [places[label == number] for number in range(label.max() + 1)]
     return [group for group in groups if group.size >= LEAST * even.size]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fogpipe.kernels.arrays import FloatArray
+from fogpipe.kernels.arrays import FloatArray, over_channels
 
 THICKEST = 5
 """Objects thinner than this, in pixels of the coarse grid, do not part one piece of sky from another."""
@@ -128,7 +128,8 @@ def thin_objects(colour: FloatArray, width: int) -> FloatArray:
 
     window = np.ones((1, width | 1), np.uint8)
     bright, dark = (cv2.morphologyEx(colour, way, window) for way in (cv2.MORPH_TOPHAT, cv2.MORPH_BLACKHAT))
-    return 1 - np.exp(-((np.maximum(np.maximum(bright, dark).max(axis=2) - 2, 0) / 4) ** 2))
+    contrast = over_channels(np.maximum, np.maximum(bright, dark))
+    return 1 - np.exp(-((np.maximum(contrast - 2, 0) / 4) ** 2))
 
 
 def sky_matte(display: FloatArray, sky: FloatArray) -> FloatArray:
