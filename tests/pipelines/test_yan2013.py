@@ -7,8 +7,10 @@ import sys
 
 import numpy as np
 import pytest
+from skimage.color import rgb2lab
 
 import fogpipe
+from fogpipe.io.images import read_image
 from fogpipe.kernels.bands import set_threads, threads
 from fogpipe.stages.composite import naive
 
@@ -54,6 +56,17 @@ def test_noise_is_not_amplified_where_the_haze_is_dense(hazy):
         return float(np.abs(np.diff(picture, axis=1))[dense[:, 1:]].mean())
 
     assert roughness(result["clear"]) < 0.5 * roughness(plain)
+
+
+def test_brick_far_away_has_the_colour_of_brick_near_by(shared_data):
+    """Its own colour is no part of the haze before it."""
+    image = read_image(shared_data / "hazy" / "house.jpg", color="srgb").pixels
+    lab = rgb2lab(np.clip(fogpipe.load("yan2013").run(image=image)["clear"], 0, 1))
+    near, far = (
+        np.linalg.norm(lab[place].mean(axis=(0, 1))[1:]) for place in (np.s_[60:130, 140:210], np.s_[20:75, 340:368])
+    )
+    # Chroma of 32 and 26; with an airlight of the wall's colour 28 and 11.
+    assert far > 0.7 * near
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
