@@ -26,6 +26,7 @@ from fogpipe.stages.hazy_airlight import (
     greyer,
     quad_tree,
     scribble,
+    uneven,
 )
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "greyer",
     "quad_tree",
     "scribble",
+    "uneven",
 ]
 
 

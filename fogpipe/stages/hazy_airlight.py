@@ -14,6 +14,7 @@ from annotated_types import Ge, Gt, Le
 from fogpipe.kernels.arrays import FloatArray, floats, over_channels, require_finite, require_maps
 from fogpipe.kernels.dehazing import airlight_pixels
 from fogpipe.kernels.dehazing.fading import colour_faded_into
+from fogpipe.kernels.dehazing.uneven import light
 from fogpipe.ports import Airlight, Image, Mask, Unit
 from fogpipe.stage import stage
 
@@ -235,15 +236,51 @@ def greyer(airlight: Airlight, other: Airlight, *, agreement: Annotated[float, G
     ``airlight.fading``, drawn to ``airlight.dark_channel``, errs by 0.005 more on average over the scenes that settings
     are tuned on, most where a white cloud is near a blue haze (0.04); in return brick walls keep their colours.
     """
-    for name, colour in (("airlight", airlight), ("other", other)):
-        if colour.shape != (3,):
-            raise ValueError(f"{name} must be one colour, (3,), not of shape {colour.shape}.")
-    require_finite(airlight=airlight, other=other)
-    first, second = floats(airlight, other)
+    first, second = floats(_colour(airlight=airlight), _colour(other=other))
     tint, other_tint = (1 - colour.min() / max(colour.max(), 1e-12) for colour in (first, second))
     if tint <= other_tint or np.linalg.norm(second - first) > agreement * np.linalg.norm(first):
         return first
     return first + first.dtype.type(1 - other_tint / tint) * (second - first)
+
+
+@stage("airlight.uneven")
+def uneven(image: Image, airlight: Airlight) -> Airlight:
+    """Airlight that is not as bright everywhere, read off the sky: light fades away from the sun, and in a lens.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float, hazy.
+    airlight : (3,) float, its colour.
+
+    Returns
+    -------
+    (H, W, 3) float32, or float64 for a float64 image: the same colour, brighter or darker. (3,), ``airlight`` itself,
+    where the picture shows no sky of it.
+
+    Raises
+    ------
+    ValueError
+        If ``airlight`` is a map, or a value is NaN or infinite.
+
+    Notes
+    -----
+    Sky is what is even, of that hue, and joined to some of its brightness: 2 % of the picture at least. Elsewhere near
+    sky counts most. Far hills in dense haze that merge with the sky count as sky in part, and keep some haze.
+
+    Searches a copy reduced to 160 px: about 30 ns per pixel of the original.
+    """
+    image, airlight = floats(_hazy(image), _colour(airlight=airlight))
+    brightness = light(image, airlight)
+    return airlight if brightness is None else brightness[..., None].astype(image.dtype) * airlight
+
+
+def _colour(**airlights: Airlight) -> FloatArray:
+    """A single one, (3,) and finite."""
+    ((name, airlight),) = airlights.items()
+    if airlight.shape != (3,):
+        raise ValueError(f"{name} must be one colour, (3,), not of shape {airlight.shape}.")
+    require_finite(**airlights)
+    return airlight
 
 
 def _hazy(image: Image) -> FloatArray:

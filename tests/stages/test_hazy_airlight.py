@@ -130,3 +130,53 @@ def test_only_two_finite_colours_can_be_drawn_to_each_other():
         airlight.greyer(colour, np.ones((4, 5, 3)))
     with pytest.raises(ValueError, match="NaN or infinite"):
         airlight.greyer(np.full(3, np.nan), colour)
+
+
+def street_below(sky: np.ndarray) -> np.ndarray:
+    """Dark random houses below the upper half of a picture."""
+    image = np.broadcast_to(sky, (240, 320, 3)).astype(np.float32)
+    image[120:] = np.random.default_rng(2).uniform(0.1, 0.5, (120, 320, 1))
+    return image
+
+
+def test_an_uneven_airlight_follows_the_brightness_of_the_sky():
+    light = np.linspace(0.75, 1.02, 320)[None, :, None]
+    found = airlight.uneven(street_below(light * B), B)
+    assert found.shape == (240, 320, 3)
+    # Blurred by a few pixels of a picture half the size, in which the light changes by 0.002 a pixel, and drawn to 1.
+    np.testing.assert_allclose(found[:110], np.broadcast_to(light * B, (110, 320, 3)), rtol=0.03)
+    brightness = found / B
+    np.testing.assert_allclose(brightness, brightness[..., :1].repeat(3, axis=2), rtol=1e-5)  # one colour; float32
+    below = brightness[120:, :, 0]
+    assert light.min() < below.min() < below[:, 0].mean() < below[:, -1].mean() < light.max()
+
+
+def test_an_even_sky_is_an_even_airlight():
+    noisy = street_below(B + np.random.default_rng(3).normal(0, 0.02, (240, 320, 3)))
+    np.testing.assert_allclose(airlight.uneven(noisy, B), np.broadcast_to(B, noisy.shape), rtol=0.01)  # noise
+
+
+def test_hills_before_the_sky_are_none_of_it():
+    image = street_below(B)
+    image[80:120] = 0.92 * B  # behind t = 0.1
+    np.testing.assert_allclose(airlight.uneven(image, B)[80:120], np.broadcast_to(B, (40, 320, 3)), rtol=0.01)
+
+
+def test_without_a_sky_the_airlight_stays_one_colour():
+    for image in (street_below(np.array([0.3, 0.5, 0.8])), np.zeros((40, 50, 3)), street_below(0.5 * B)):
+        np.testing.assert_array_equal(airlight.uneven(image, B), B)
+    np.testing.assert_array_equal(airlight.uneven(np.zeros((40, 50, 3)), np.zeros(3)), 0)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (3, 2), (7, 500)])
+def test_an_uneven_airlight_of_every_size(shape):
+    found = airlight.uneven(np.broadcast_to(B, (*shape, 3)), B)
+    np.testing.assert_allclose(found, np.broadcast_to(B, (*shape, 3)), rtol=1e-5)  # float32
+
+
+def test_only_one_finite_colour_can_be_uneven():
+    image = np.ones((4, 5, 3))
+    with pytest.raises(ValueError, match=r"airlight must be one colour, \(3,\)"):
+        airlight.uneven(image, image)
+    with pytest.raises(ValueError, match="NaN or infinite"):
+        airlight.uneven(np.full((4, 5, 3), np.nan), B)

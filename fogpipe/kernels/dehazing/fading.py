@@ -31,13 +31,8 @@ def colour_faded_into(image: np.ndarray, fading: float) -> FloatArray:
     image : (H, W, 3) float.
     fading : Share of the picture on its way to a colour that is evidence enough.
     """
-    import cv2
-
-    factor = min(1.0, WIDTH / max(image.shape[:2]))
-    size = tuple(max(1, round(factor * side)) for side in image.shape[1::-1])
-    small = cv2.resize(np.asarray(image, np.float32), size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], 3)
-    small = np.maximum(small, 0)
-    pixels, even = small.reshape(-1, 3), _is_even(small).reshape(-1)
+    small = reduced(image)
+    pixels, even = small.reshape(-1, 3), is_even(small, EVEN).reshape(-1)
     best, most = pixels, -1.0
     for members in _groups(pixels, even):
         colour = np.median(pixels[members], axis=0)
@@ -50,12 +45,23 @@ def colour_faded_into(image: np.ndarray, fading: float) -> FloatArray:
     return best
 
 
-def _is_even(small: FloatArray) -> np.ndarray:
+def reduced(image: np.ndarray) -> FloatArray:
+    """A picture of at most ``WIDTH`` pixels along its longer side, float32 of 0 or more."""
+    import cv2
+
+    factor = min(1.0, WIDTH / max(image.shape[:2]))
+    size = tuple(max(1, round(factor * side)) for side in image.shape[1::-1])
+    small = cv2.resize(np.asarray(image, np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.maximum(small.reshape(size[1], size[0], 3), 0)
+
+
+def is_even(small: FloatArray, deviation: float) -> np.ndarray:
+    """Where the standard deviation in 3 × 3 pixels is at most that share of their colour."""
     import cv2
 
     mean = cv2.blur(small, (3, 3))
     variance = np.maximum(cv2.blur(small**2, (3, 3)) - mean**2, 0).sum(axis=2)
-    return variance <= EVEN**2 * (mean**2).sum(axis=2)
+    return variance <= deviation**2 * (mean**2).sum(axis=2)
 
 
 def _groups(pixels: FloatArray, even: np.ndarray) -> list[np.ndarray]:
