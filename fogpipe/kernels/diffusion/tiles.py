@@ -31,6 +31,7 @@ def on_grid(
     largest: float,
     share: float,
     wanted: np.ndarray | None = None,
+    after: FloatArray | None = None,
 ) -> FloatArray:
     """Diffuse a layer (H, W, 4) on its pixels for a unit of time.
 
@@ -40,15 +41,17 @@ def on_grid(
     largest : rates above this, which only tiles that are not wanted may have, are taken to be this.
     share : of any pattern, left out at most.
     wanted : of squares of ``SQUARE`` pixels, those that are computed; the others may hold anything. None for all.
+    after : (H, W, 4) C-contiguous, where the result goes; not the layer itself. None for new memory.
     """
     spectrum = quantised(8 * largest)
     factors = passes(spectrum, degree_for(spectrum, share))
     rows, columns, _ = layer.shape
     everything = np.ones((-(-rows // SQUARE), -(-columns // SQUARE)), np.bool_)
     wanted = everything if wanted is None else wanted
-    results = [np.empty_like(layer) for _ in factors[:2]]
+    result = np.empty_like(layer) if after is None else after
+    between = np.empty_like(layer) if len(factors) > 1 else result
     for number, factor in enumerate(factors):
-        after = results[number % 2]
+        after = between if (len(factors) - number) % 2 == 0 else result
         # A whole polynomial may be another one in tiles of smaller rates; a factor of one may not.
         if len(factors) == 1:
             spectra, series = _by_rate(spectrum, share, layer.dtype)
