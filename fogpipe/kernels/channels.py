@@ -41,7 +41,7 @@ def load(context, array, start):
     kind = Channels(array.dtype)
 
     def generate(context, builder, signature, arguments):
-        pointer = _pointer(context, builder, signature, arguments)
+        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1], 4)
         return builder.load(pointer, align=array.dtype.bitwidth // 8)
 
     return kind(array, start), generate
@@ -52,17 +52,41 @@ def store(context, array, start, channels):
     """Write channels to where they begin in a flat array."""
 
     def generate(context, builder, signature, arguments):
-        pointer = _pointer(context, builder, signature, arguments)
+        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1], 4)
         builder.store(arguments[2], pointer, align=array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
     return types.void(array, start, channels), generate
 
 
-def _pointer(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    vector = context.get_value_type(Channels(signature.args[0].dtype))
-    return builder.bitcast(builder.gep(array.data, [arguments[1]]), vector.as_pointer())
+SPLIT = 16
+"""Pixels that ``split`` takes at once."""
+
+
+@_instruction
+def split(context, array, start, planes, place, apart):
+    """Of 16 pixels in a flat array, the first channels to a place in another, the second ``apart`` numbers on, …"""
+
+    def generate(context, builder, signature, arguments):
+        size = array.dtype.bitwidth // 8
+        source, start, target, place, apart = arguments
+        pixels = builder.load(_pointer(context, builder, signature.args[0], source, start, 4 * SPLIT), align=size)
+        for k in range(4):
+            chosen = ir.Constant(ir.VectorType(ir.IntType(32), SPLIT), list(range(k, 4 * SPLIT, 4)))
+            plane = builder.shuffle_vector(pixels, ir.Constant(pixels.type, ir.Undefined), chosen)
+            pointer = _pointer(context, builder, signature.args[2], target, place, SPLIT)
+            builder.store(plane, pointer, align=size)
+            place = builder.add(place, apart)
+        return context.get_dummy_value()
+
+    return types.void(array, start, planes, place, apart), generate
+
+
+def _pointer(context: Any, builder: Any, kind: Any, array: Any, start: Any, count: int) -> Any:
+    """To ``count`` numbers of an array as one vector."""
+    data = context.make_array(kind)(context, builder, array).data
+    vector = ir.VectorType(context.get_value_type(kind.dtype), count)
+    return builder.bitcast(builder.gep(data, [start]), vector.as_pointer())
 
 
 def _by_builder(name: str) -> Any:

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from fogpipe.kernels.channels import load, store
+from fogpipe.kernels.channels import SPLIT, load, split, store
 
 
 @numba.njit
@@ -39,6 +39,16 @@ def test_four_channels_are_one_instruction():
     blended(np.zeros(12, np.float32), np.uintp(0), np.uintp(4), np.float32(0), np.zeros(12, np.float32))
     (code,) = (blended.inspect_llvm(signature) for signature in blended.signatures if "float32" in str(signature[0]))
     assert "fmul <4 x float>" in code
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_pixels_are_split_into_planes(dtype):
+    pixels, planes = np.arange(4 * SPLIT + 3).astype(dtype), np.full(90, -1, dtype)
+    numba.njit(lambda a, b: split(a, np.uintp(3), b, np.uintp(5), np.uintp(20)))(pixels, planes)
+    wanted = np.full(90, -1, dtype)
+    for k in range(4):
+        wanted[5 + 20 * k :][:SPLIT] = pixels[3 + k :: 4]
+    np.testing.assert_array_equal(planes, wanted)
 
 
 def test_channels_of_two_precisions_do_not_mix():

@@ -25,14 +25,17 @@ CAP = 2.0
 """Largest rate of a link, in clips. Twice as much gains little and takes two fifths more steps."""
 
 
-def adaptive(layer: FloatArray, rate: FloatArray, clip: float, share: float) -> FloatArray:
+def adaptive(
+    layer: FloatArray, rate: FloatArray, clip: float, share: float, after: FloatArray | None = None
+) -> FloatArray:
     """Diffuse a layer (H, W, 4) on cells whose rates are about ``clip`` to four times as much.
 
-    ``rate`` is ϱ (H, W) of its pixels, and ``share`` what a polynomial may leave out of any pattern.
+    ``rate`` is ϱ (H, W) of its pixels, and ``share`` what a polynomial may leave out of any pattern. The result is
+    written into ``after`` if that is given.
     """
     levels = hierarchy(rate, clip)
     near, calm = _near(levels[0], clip, share)
-    after = on_grid(layer, rate, calm, share, near < 2)
+    after = on_grid(layer, rate, calm, share, near < 2, after)
     alone = [level.alone for level in levels]
     cells = partition(levels, [_pixels(alone[0], near, 1), *alone[1:]], CAP * clip)
     values = averaged(layer, levels)

@@ -20,6 +20,7 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
     width = 2 * joined.shape[1] + 2
     masses, across, down = four_rows(width, mass), four_rows(width, mass), four_rows(width, mass)
     above, ours, beneath = np.zeros(width, np.uint8), np.zeros(width, np.uint8), np.zeros(width, np.uint8)
+    mixed = np.zeros(joined.shape[1], np.bool_)
     level = rate, mass, east, south
     for row in range(max(2 * first - 1, 0), 2 * first + 1):
         load_row(row, *level, masses, across, down)
@@ -32,9 +33,10 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
         one, two, three = 2 * y & 3, 2 * y + 1 & 3, 2 * y + 2 & 3
         _strong(masses[one], masses[two], across[one], down[one], clip, ours)
         _strong(masses[two], masses[three], across[two], down[two], clip, beneath)
-        _join_all(masses[one], masses[two], ours, beneath, least, joined[y], alone[y], coarse_mass[y])
+        faces = above, ours, beneath
+        _join_all_or_none(masses[one], masses[two], *faces, least, joined[y], alone[y], coarse_mass[y], mixed)
         for x in range(joined.shape[1]):
-            if joined[y, x]:
+            if not mixed[x]:
                 continue
             left, right = 2 * x, 2 * x + 1
             m0, m1, m2, m3 = masses[one, left], masses[one, right], masses[two, left], masses[two, right]
@@ -74,16 +76,22 @@ def _strong(here, below, across, down, clip, strong):
 
 
 @numba.njit(nogil=True, cache=True)
-def _join_all(upper, lower, ours, beneath, least, joined, alone, coarse_mass):
-    """Joins those of a row of two by two cells that can all be joined; ``joined`` is 0 for the others."""
-    for x in range(np.uintp(len(joined))):
+def _join_all_or_none(upper, lower, above, ours, beneath, least, joined, alone, coarse_mass, mixed):
+    """Those of a row of two by two cells that can all be joined, or that have no strong face; ``mixed`` are others."""
+    none, one, two, three = np.uint8(0), np.uint8(1), np.uint8(2), np.uint8(3)
+    joined[0], mixed[0] = none, True  # it has no cells to its west
+    for x in range(_ONE, np.uintp(len(joined))):
         i = _TWO * x
         a, b, c, d = upper[i], upper[i + _ONE], lower[i], lower[i + _ONE]
-        connected = ours[i] & (ours[i + _ONE] | np.uint8(1)) & (beneath[i] << np.uint8(1) | np.uint8(1)) == np.uint8(3)
+        connected = ours[i] & (ours[i + _ONE] | one) & (beneath[i] << one | one) == three
         every = connected & (min(min(a, b), min(c, d)) >= least)
-        joined[x] = np.uint8(15) if every else np.uint8(0)
-        alone[x] = np.uint8(0)
-        coarse_mass[x] = (a + b) + (c + d)
+        touched = ours[i] | ours[i + _ONE] | beneath[i] | beneath[i + _ONE] | ((above[i] | above[i + _ONE]) & two)
+        touched |= (ours[i - _ONE] | beneath[i - _ONE]) & one
+        there = np.uint8(a > 0) | np.uint8(b > 0) << one | np.uint8(c > 0) << two | np.uint8(d > 0) << three
+        mixed[x] = (touched > none) & ~every
+        joined[x] = np.uint8(15) if every else none
+        alone[x] = none if every else there
+        coarse_mass[x] = (a + b) + (c + d) if every else upper.dtype.type(0)
 
 
 @numba.njit(nogil=True, cache=True)

@@ -18,6 +18,7 @@ LARGEST_FACTOR = 16
 """Above this degree the margins of a tile cost more than another pass over the layer."""
 
 
+@lru_cache(256)
 def degree_for(spectrum: float, share: float) -> int:
     """Least degree that leaves out at most ``share`` of any pattern, for the largest eigenvalue ``spectrum``."""
     if spectrum <= 0:

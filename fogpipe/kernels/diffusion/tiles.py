@@ -14,6 +14,7 @@ import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
+from fogpipe.kernels.channels import SPLIT, split
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, passes, quantised
 from fogpipe.kernels.diffusion.rows import largest_of
 
@@ -31,6 +32,7 @@ def on_grid(
     largest: float,
     share: float,
     wanted: np.ndarray | None = None,
+    after: FloatArray | None = None,
 ) -> FloatArray:
     """Diffuse a layer (H, W, 4) on its pixels for a unit of time.
 
@@ -40,15 +42,17 @@ def on_grid(
     largest : rates above this, which only tiles that are not wanted may have, are taken to be this.
     share : of any pattern, left out at most.
     wanted : of squares of ``SQUARE`` pixels, those that are computed; the others may hold anything. None for all.
+    after : (H, W, 4) C-contiguous, where the result goes; not the layer itself. None for new memory.
     """
     spectrum = quantised(8 * largest)
     factors = passes(spectrum, degree_for(spectrum, share))
     rows, columns, _ = layer.shape
     everything = np.ones((-(-rows // SQUARE), -(-columns // SQUARE)), np.bool_)
     wanted = everything if wanted is None else wanted
-    results = [np.empty_like(layer) for _ in factors[:2]]
+    result = np.empty_like(layer) if after is None else after
+    between = np.empty_like(layer) if len(factors) > 1 else result
     for number, factor in enumerate(factors):
-        after = results[number % 2]
+        after = between if (len(factors) - number) % 2 == 0 else result
         # A whole polynomial may be another one in tiles of smaller rates; a factor of one may not.
         if len(factors) == 1:
             spectra, series = _by_rate(spectrum, share, layer.dtype)
@@ -91,7 +95,7 @@ def _in_precision(series: np.ndarray, dtype: np.dtype) -> np.ndarray:
 # Tiles have one fixed width of 288 cells, the four channels of a row one after the other, and indices that cannot be
 # negative: only then does the compiler see that the arrays of a step are apart, and works on 16 cells at once, whose
 # weights it loads once for the four channels. Rows begin 16 cells in, so that vectors lie on their boundaries.
-_ONE, _FOUR = np.uintp(1), np.uintp(4)
+_ONE, _FOUR, _SPLIT = np.uintp(1), np.uintp(4), np.uintp(SPLIT)
 _CHANNEL = np.uintp(COLUMNS + 32)
 _ROW = np.uintp(4 * _CHANNEL)
 _WIDTH = int(_CHANNEL)
@@ -211,10 +215,14 @@ def _load_rates(y0, y1, x0, x1, rate, spectrum, beside, below):
 @numba.njit(nogil=True, cache=True)
 def _load_layer(y0, y1, x0, x1, layer, values):
     zero = layer.dtype.type(0)
+    whole = np.uintp(x1 - x0) // _SPLIT * _SPLIT
     for y in range(y0, y1):
         pixels, row = layer[y, 4 * x0 : 4 * x1], values[y - y0 + 1]
+        planes = row.reshape(4 * row.shape[1])
+        for i in range(np.uintp(0), whole, _SPLIT):
+            split(pixels, _FOUR * i, planes, np.uintp(16) + i, _CHANNEL)
         a, b, c, d = row[0, 16:], row[1, 16:], row[2, 16:], row[3, 16:]
-        for i in range(x1 - x0):
+        for i in range(whole, np.uintp(x1 - x0)):
             a[i], b[i], c[i], d[i] = pixels[4 * i], pixels[4 * i + 1], pixels[4 * i + 2], pixels[4 * i + 3]
         row[:, 16 + x1 - x0 :] = zero
 

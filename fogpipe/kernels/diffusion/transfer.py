@@ -140,6 +140,9 @@ def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, 
                 above, ours, beneath = coarse[n, run], coarse[y, 4 * start - 4 :], coarse[s, run]
                 _fill_four(above, ours, beneath, values[2 * y, 8 * start :], values[2 * y + 1, 8 * start :])
                 continue
+            if joined[y, x] == 0:
+                x += 1
+                continue
             part, m, w, e = joined[y, x], whole[y, x], max(x - 1, 0), min(x + 1, columns - 1)
             # Which of the cells beyond may give: those at the same height, or above and below, if the way is open.
             to_west = joined[y, w] & 10 if x and east[y, w] > weakest * min(m, whole[y, w]) else 0
