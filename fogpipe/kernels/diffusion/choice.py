@@ -19,7 +19,7 @@ from fogpipe.kernels.diffusion.adaptive import CAP, adaptive
 from fogpipe.kernels.diffusion.grid import rates, rates_of_row
 from fogpipe.kernels.diffusion.polynomial import degree_for
 from fogpipe.kernels.diffusion.published import prepared
-from fogpipe.kernels.diffusion.rows import largest_of
+from fogpipe.kernels.diffusion.rows import count_above, largest_of
 from fogpipe.kernels.diffusion.tiles import on_grid
 
 MISSED = {1.0: 0.047, 2.0: 0.035, 4.0: 0.026, 8.0: 0.0165, 16.0: 0.0125, 32.0: 0.0118}
@@ -110,7 +110,7 @@ def follow(plan: Plan, layer: FloatArray, rate: FloatArray, after: FloatArray | 
 
 def choose(layer: FloatArray, rate: FloatArray, largest: float, tolerance: float) -> Plan:
     """The cheapest plan that meets a tolerance, where ϱ is ``rate`` (H, W) and at most ``largest``."""
-    variation = _variation(layer)
+    variation = math.sqrt(_variance(layer, _apart(len(layer))))
     if largest <= 0:
         return Plan(math.inf, 1, LARGEST_SHARE)
     rough = _roughness(layer) > ROUGHEST * variation
@@ -120,13 +120,12 @@ def choose(layer: FloatArray, rate: FloatArray, largest: float, tolerance: float
     whole = on_pixels(largest, tolerance / (OF_DETAIL * detail))
     plans = [(float(whole.stretches * degree_for(8 * largest / whole.stretches, whole.share)), whole)]
     if rate.size >= FEWEST_PIXELS:
-        some = _some(rate)
         for clip, missed in MISSED.items():
             left = tolerance**2 - (missed * detail) ** 2
             if clip < largest and left > 0:
                 plan = Plan(clip, 1, _bounded(math.sqrt(left) / (OF_DETAIL * detail)))
                 on_grid_degree, degree = (degree_for(8 * each, plan.share) for each in (clip, CAP * clip))
-                cells, others = _cells(some, clip, on_grid_degree)
+                cells, others = _cells(rate, _apart(len(rate)), rate.dtype.type(clip), on_grid_degree)
                 # In steps on the pixels, of which a step of as many cells takes five, and to set up the cells eight.
                 if cells <= MOST_CELLS:
                     plans.append((8 + 5 * cells * degree + others * on_grid_degree, plan))
@@ -153,7 +152,10 @@ def _copy(first: int, last: int, layer: FloatArray, after: FloatArray) -> None:
 
 
 def _surveyed(scale: FloatArray, finest: float) -> tuple[FloatArray, float, tuple[slice, slice]]:
-    """ϱ, its largest value, and the rectangle beyond which no light moves: one pixel around all that is blurred."""
+    """ϱ, its largest value, and the rectangle beyond which no light moves and ϱ may be anything.
+
+    It is one pixel larger than all that is blurred.
+    """
     rows, columns = scale.shape
     rate, largest = np.empty_like(scale), np.empty(rows, scale.dtype)
     first, last = np.empty(rows, np.int64), np.empty(rows, np.int64)
@@ -163,17 +165,13 @@ def _surveyed(scale: FloatArray, finest: float) -> tuple[FloatArray, float, tupl
         return rate, 0.0, (slice(0, 0), slice(0, 0))
     down = slice(max(int(blurred[0]) - 1, 0), int(blurred[-1]) + 2)
     across = slice(max(int(first.min()) - 1, 0), int(last.max()) + 1)
+    rate[down][last[down] == 0] = 0
     return rate, float(largest.max()), (down, across)
 
 
-def _variation(layer: FloatArray) -> float:
-    """Standard deviation of a channel, root mean square of the channels; of some rows of a large layer."""
-    return math.sqrt(_variance(_some(layer)))
-
-
-def _some(lines: np.ndarray) -> np.ndarray:
-    """Every 32nd line of a large layer, all of a small one."""
-    return lines[:: max(1, min(32, len(lines) // 32))]
+def _apart(rows: int) -> int:
+    """How far the rows are apart that are looked at: 32 in a large layer, 1 in a small one."""
+    return max(1, min(32, rows // 32))
 
 
 def _detail(layer: FloatArray, largest: float) -> float:
@@ -182,7 +180,8 @@ def _detail(layer: FloatArray, largest: float) -> float:
     squares = 0.0
     for widths in (2.0, 1.3):
         down, across = (max(1, min(round(widths * largest), count // 2)) for count in (rows, columns))
-        squares = max(squares, _mean_square(layer, 0, across, 4), _mean_square(layer, down, 0, 4))
+        squares = max(squares, _mean_square(layer, 0, across, _apart(rows), 4))
+        squares = max(squares, _mean_square(layer, down, 0, _apart(rows - down), 4))
     return math.sqrt(squares / 2)
 
 
@@ -193,20 +192,20 @@ def _bounded(share: float) -> float:
 def _roughness(layer: FloatArray) -> float:
     """Root mean square of the steps from one pixel of a row to the next, over √2; down a single column."""
     down, across = (0, 1) if layer.shape[1] > 1 else (1, 0)
-    return math.sqrt(_mean_square(layer, down, across, 1) / 2)
+    return math.sqrt(_mean_square(layer, down, across, _apart(len(layer) - down), 1) / 2)
 
 
 @numba.njit(nogil=True, cache=True)
-def _mean_square(layer, down, across, step):
-    """Of the differences to a pixel further on, at every ``step`` pixels of some rows; all if there are few; 0 if none.
+def _mean_square(layer, down, across, apart, step):
+    """Of the differences to a pixel further on, at every ``step`` pixels of rows ``apart``; all if few; 0 if none.
 
     Whole rows are read in either direction, since each pixel of a column would be a miss of the cache.
     """
     rows, columns = layer.shape[0] - down, layer.shape[1] - across
-    y_step, x_step = max(1, min(32, rows // 32)), max(1, min(step, columns // 32))
+    step = max(1, min(step, columns // 32))
     total, count = np.zeros(4), 0
-    for y in range(0, rows, y_step):
-        for x in range(0, columns, x_step):
+    for y in range(0, rows, apart):
+        for x in range(0, columns, step):
             for k in range(4):
                 difference = layer[y + down, x + across, k] - layer[y, x, k]
                 total[k] += difference * difference
@@ -215,58 +214,65 @@ def _mean_square(layer, down, across, step):
 
 
 @numba.njit(nogil=True, cache=True)
-def _variance(lines):
-    """Mean over the channels."""
-    count = lines.shape[0] * lines.shape[1]
-    total = 0.0
-    for k in range(4):
-        start, first, second = float(lines[0, 0, k]), 0.0, 0.0  # about a value there is, for what varies little
-        for y in range(lines.shape[0]):
-            for x in range(lines.shape[1]):
-                value = lines[y, x, k] - start
-                first += value
-                second += value * value
-        total += max(second / count - (first / count) ** 2, 0.0) / 4
-    return total
+def _variance(layer, apart):
+    """Mean over the channels, of rows ``apart``."""
+    rows, columns, _ = layer.shape
+    start = layer[0, 0]  # about a value there is, for what varies little
+    first, second = np.zeros(4), np.zeros(4)
+    for y in range(0, rows, apart):
+        sums, squares = np.zeros(4), np.zeros(4)
+        for x in range(columns):
+            for k in range(4):
+                value = float(layer[y, x, k]) - float(start[k])
+                sums[k] += value
+                squares[k] += value * value
+        first += sums
+        second += squares
+    count = (rows + apart - 1) // apart * columns
+    return np.maximum(second / count - (first / count) ** 2, 0).mean()
 
 
 @numba.njit(nogil=True, cache=True)
-def _cells(lines, clip, reach):
+def _cells(rate, apart, clip, reach):
     """Cells for each pixel, one of 4^k pixels where ϱ is up to 4^k clips; and the share of pixels far from them.
 
-    Of lines, so the reach is doubled for what comes from above and below.
+    Of rows ``apart``, so the reach is doubled for what comes from above and below.
     """
-    columns = lines.shape[1]
-    cells, near = 0.0, 0
-    for y in range(lines.shape[0]):
-        done = 0
-        for x in range(columns):
-            rate = lines[y, x]
-            if rate > clip:
-                end = min(x + 2 * reach + 1, columns)
-                near += end - max(done, x - 2 * reach)
-                done = end
-                size, limit = 0.25, 4 * clip
-                while rate > limit:
-                    size, limit = 0.25 * size, 4 * limit
-                cells -= 1 - size
-    count = lines.shape[0] * columns
+    rows, columns = rate.shape
+    cells, near, count = 0.0, 0, 0
+    for y in range(0, rows, apart):
+        row, count = rate[y], count + columns
+        joined, saved, limit = count_above(row, clip), 0.75, clip
+        larger = joined
+        while larger:
+            cells -= saved * larger
+            saved, limit = 0.25 * saved, 4 * limit
+            larger = count_above(row, limit)
+        if joined == columns:
+            near += columns
+        elif joined:
+            done = 0
+            for x in range(columns):
+                if row[x] > clip:
+                    end = min(x + 2 * reach + 1, columns)
+                    near += end - max(done, x - 2 * reach)
+                    done = end
     return (cells + near) / count, 1 - near / count
 
 
 @numba.njit(nogil=True, cache=True)
 def _survey(begin, end, scale, finest, rate, largest, first, last):
-    """Rates of rows, the largest in each, the first column that is blurred and the one after the last."""
+    """Rates of rows that are blurred, the largest in each, the first column that is and the one after the last."""
     columns = scale.shape[1]
     for y in range(begin, end):
-        row = rate[y]
-        rates_of_row(scale[y], finest, row)
-        largest[y] = largest_of(row)
-        left, right = columns, 0
+        row, largest[y], first[y], last[y] = rate[y], 0, columns, 0
+        if count_above(scale[y], finest):
+            rates_of_row(scale[y], finest, row)
+            largest[y] = largest_of(row)
         if largest[y] > 0:
             left, right = 0, columns
             while not row[left] > 0:
                 left += 1
             while not row[right - 1] > 0:
                 right -= 1
-        first[y], last[y] = left, right
+            first[y], last[y] = left, right

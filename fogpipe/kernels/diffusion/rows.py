@@ -44,6 +44,15 @@ def _load_cells(mass, east, south, here, across, down):
 
 
 @numba.njit(nogil=True, cache=True)
+def count_above(values, limit):
+    """How many of a row are larger; NaN is not."""
+    count = np.uint32(0)
+    for x in range(np.uintp(len(values))):
+        count += np.uint32(values[x] > limit)
+    return count
+
+
+@numba.njit(nogil=True, cache=True)
 def largest_of(rates):
     """Largest of a row of rates, 0 for none. Of every fourth each, since one maximum has to wait for the one before."""
     a = b = c = d = rates.dtype.type(0)
