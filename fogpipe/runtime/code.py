@@ -32,26 +32,46 @@ def code_digest(function: Callable[..., Any]) -> str:
     state = hashlib.blake2b(digest_size=20)
     for name in sorted(sources):
         state.update(sources[name])
-        for part in _loaded(name):
+        for part in _older(name, sources[name]):
             state.update(part)
     return state.hexdigest()
 
 
-def _loaded(name: str) -> Iterator[bytes]:
-    """The bytecode of a module's functions as they were imported, which a file edited since then is not."""
-    for value in list(vars(sys.modules[name]).values()) if name in sys.modules else ():
+def _older(name: str, source: bytes) -> Iterator[bytes]:
+    """The bytecode of a module's functions that were imported before its file was edited.
+
+    Nothing for a module that is not imported yet, nor for one whose file is the same: the digest does not depend on
+    what happens to be imported.
+    """
+    module = sys.modules.get(name)
+    for value in list(vars(module).values()) if module else ():
         function = getattr(value, "py_func", value)  # what numba compiled
-        if isinstance(function, FunctionType) and function.__module__ == name:
-            yield from _bytecode(function.__code__)
+        # A wrapper has the module of what it wraps, but its code is from another file.
+        if isinstance(function, FunctionType) and function.__code__.co_filename == getattr(module, "__file__", None):
+            imported = _bytecode(function.__code__)
+            if imported not in _written(source):
+                yield imported
 
 
-def _bytecode(code: CodeType) -> Iterator[bytes]:
-    yield code.co_code
+@functools.cache
+def _written(source: bytes) -> frozenset[bytes]:
+    """The bytecode of every function in a source."""
+    pending, found = [compile(source, "", "exec", dont_inherit=True)], set()
+    while pending:
+        code = pending.pop()
+        found.add(_bytecode(code))
+        pending += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    return frozenset(found)
+
+
+def _bytecode(code: CodeType) -> bytes:
+    parts = [code.co_code]
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _bytecode(constant)
+            parts.append(_bytecode(constant))
         elif isinstance(constant, (int, float, str, bytes)):
-            yield repr(constant).encode()
+            parts.append(repr(constant).encode())
+    return b"".join(parts)
 
 
 def _source_file(name: str) -> Path | None:

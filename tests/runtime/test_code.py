@@ -42,6 +42,27 @@ def test_a_change_in_what_a_stage_uses_changes_its_digest_though_it_is_imported_
     assert fresh() != before
 
 
+def test_what_has_been_imported_meanwhile_does_not_matter(package):
+    _, fresh = package
+    before = fresh()
+    sys.modules["some_package.work"].work()
+    assert "some_package.kernel" in sys.modules
+    code_digest.cache_clear()
+    assert code_digest(sys.modules["some_package.work"].work) == before
+
+
+def test_a_module_that_was_imported_before_its_file_was_edited_is_another_code(package):
+    home, fresh = package
+    (home / "kernel.py").write_text("from . import helper\ndef run():\n    return helper.VALUE + 1\n")
+    edited = fresh()
+    (home / "kernel.py").write_text("from . import helper\ndef run():\n    return helper.VALUE\n")
+    fresh()
+    sys.modules["some_package.work"].work()
+    (home / "kernel.py").write_text("from . import helper\ndef run():\n    return helper.VALUE + 1\n")
+    code_digest.cache_clear()
+    assert code_digest(sys.modules["some_package.work"].work) != edited
+
+
 def test_a_module_that_the_stage_does_not_use_does_not_matter(package):
     home, fresh = package
     before = fresh()
