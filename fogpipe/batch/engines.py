@@ -87,6 +87,18 @@ class Here(Executor):
         return future
 
 
+def require_engine(name: str) -> None:
+    """Refuse an engine that there is none of; whether a scheduler answers is known when it is opened.
+
+    Raises
+    ------
+    RequestError
+        If there is no such engine.
+    """
+    if name not in LOCAL and not name.startswith("dask://"):
+        raise RequestError(f"--engine {name}: choose {', '.join(LOCAL)} or dask://HOST:PORT.")
+
+
 @contextmanager
 def open_engine(name: str, workers: int, threads: int) -> Iterator[tuple[Executor, int]]:
     """An executor, and how many items may be under way in it.
@@ -100,12 +112,13 @@ def open_engine(name: str, workers: int, threads: int) -> Iterator[tuple[Executo
     RequestError
         If there is no such engine, or it cannot be reached.
     """
+    require_engine(name)
     if name == "processes":
         with Processes(workers, threads) as pool:
             yield pool, workers
     elif name == "here":
         yield Here(), 1
-    elif name.startswith("dask://"):
+    else:
         with _dask("tcp://" + name.removeprefix("dask://")) as client:
             # Two items for each thread: one at work and one that waits, so that no worker waits for the network.
             slots = 2 * sum(client.nthreads().values())
@@ -113,8 +126,6 @@ def open_engine(name: str, workers: int, threads: int) -> Iterator[tuple[Executo
                 raise RequestError(f"--engine {name}: the scheduler has no workers.")
             with client.get_executor(pure=False) as executor:
                 yield executor, slots
-    else:
-        raise RequestError(f"--engine {name}: choose {', '.join(LOCAL)} or dask://HOST:PORT.")
 
 
 def worker_died(error: BaseException | None) -> bool:

@@ -13,7 +13,7 @@ from fogpipe.batch.names import KNOWN_BEFORE, fields_of, filled, known_values, l
 from fogpipe.batch.variation import Variation
 from fogpipe.datasets.catalogue import Dataset
 from fogpipe.datasets.folder import Folder
-from fogpipe.errors import RequestError
+from fogpipe.errors import OutputError, RequestError
 from fogpipe.io.files import is_url
 from fogpipe.pipeline.graph import Graph
 from fogpipe.pipeline.plan import make_plan
@@ -159,7 +159,10 @@ def _check_first_item(job: Job, data: Dataset, variation: Variation) -> None:
         outputs_of(job, graph_of(job, variant))
         fields = known_values(item, variant)
         fields |= dict.fromkeys([*job.numbers, *first.settings], 1.0)
-        paths.add(filled(job.layout.picture, fields))
+        try:
+            paths.add(filled(job.layout.picture, fields))
+        except OutputError as error:  # of every item, so that of none anything would be written
+            raise RequestError(str(error)) from None
     if not {"path", "id", "name"} & fields_of(job.layout.picture):
         raise RequestError(
             f'--names "{job.layout.picture}": must hold {{path}}, {{id}} or {{name}}, to tell items apart.'
@@ -167,6 +170,6 @@ def _check_first_item(job: Job, data: Dataset, variation: Variation) -> None:
     if len(paths) < len(variants) and not computed:
         known = [*KNOWN_BEFORE, *variation.differing]
         raise RequestError(
-            f'--names "{job.layout.picture}": gives {len(variants)} outputs of an item {len(paths)} names; put in'
+            f'--names "{job.layout.picture}": does not tell the {len(variants)} outputs of an item apart; put in'
             f" what differs: {', '.join(f'{{{name}}}' for name in known)}."
         )

@@ -58,7 +58,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="A line of JSON for each event, on standard output.")] = False,
 ) -> None:
     """Run a pipeline over a data set; go on where an earlier run stopped."""
-    from fogpipe.batch.engines import cores
+    from fogpipe.batch.engines import cores, require_engine
     from fogpipe.batch.prepare import kept, prepare
     from fogpipe.batch.run import Batch, run_batch
     from fogpipe.batch.variation import Variation
@@ -67,6 +67,7 @@ def command(
 
     if labels not in ("link", "copy", "none"):
         raise RequestError(f"--labels {labels}: choose link, copy or none.")
+    require_engine(engine)
     folders = o.plugin_folders(plugins)
     variation = Variation.parse(sweep or (), sample or (), bind or (), draws)
     found = open_dataset(data, _named(option), folders)

@@ -34,7 +34,9 @@ Seed = Annotated[int | None, typer.Option(min=0, help="Seed of everything random
 Tolerance = Annotated[float | None, typer.Option(help="RMS error allowed in each approximated stage.")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugins", metavar="DIR", help="Folder of local stages.")]
 CacheFolder = Annotated[Path | None, typer.Option("--cache", metavar="DIR", help="Keep and reuse results of stages.")]
-CacheLimit = Annotated[float, typer.Option("--cache-limit", metavar="GB", min=0, help="Most that the cache may hold.")]
+CacheLimit = Annotated[
+    float | None, typer.Option("--cache-limit", metavar="GB", min=0, help="Most that the cache may hold; 4 by default.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Machine-readable output on standard output.")]
 
 

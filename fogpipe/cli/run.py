@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from fogpipe.cli import options as o
-from fogpipe.errors import ExpectationError
+from fogpipe.errors import ExpectationError, RequestError
 
 
 def command(
@@ -23,7 +23,7 @@ def command(
     seed: o.Seed = None,
     tolerance: o.Tolerance = None,
     cache: o.CacheFolder = None,
-    cache_limit: o.CacheLimit = 4.0,
+    cache_limit: o.CacheLimit = None,
     plugins: o.Plugins = None,
     image_format: Annotated[str, typer.Option(help="png, png16, jpg, webp, tif, exr, hdr or npy.")] = "png",
     map_format: Annotated[str, typer.Option(help="npy, exr, tif or png (16 bit, for values in 0…1).")] = "npy",
@@ -46,7 +46,9 @@ def command(
     request = o.make_request(scene, inputs, depth, camera)
     folders = tuple(str(folder.resolve()) for folder in o.plugin_folders(plugins))
     chosen = Options(tuple(to) if to else None, image_format, map_format, folders, sheet, opaque)
-    store = Cache(cache, int(cache_limit * 2**30)) if cache else None
+    if cache_limit is not None and not cache:
+        raise RequestError("--cache-limit: there is no cache to limit; say --cache DIR too.")
+    store = Cache(cache, int((4.0 if cache_limit is None else cache_limit) * 2**30)) if cache else None
     with Progress(len(loaded.plan(to).nodes)) as progress:
         record = run_job(loaded, request, chosen, out, workers=threads, cache=store, observer=progress)
     summarise(record, out)

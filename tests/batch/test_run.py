@@ -172,7 +172,7 @@ def test_what_is_shared_between_variants_runs_once(photos: Photos, make_batch: M
 def test_names_that_do_not_tell_variants_apart_are_refused_before_anything_runs(
     photos: Photos, make_batch: Make, tmp_path: Path
 ):
-    with pytest.raises(RequestError, match=r"gives 2 outputs of an item 1 names.*\{extinction.visibility\}"):
+    with pytest.raises(RequestError, match=r"does not tell the 2 outputs of an item apart.*\{extinction.visibility\}"):
         make_batch(photos(1), tmp_path / "out", **SWEEP, names="{id}.png")
     with pytest.raises(RequestError, match=r"must hold \{path\}, \{id\} or \{name\}"):
         make_batch(photos(1), tmp_path / "out", names="fog.png")

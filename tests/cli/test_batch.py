@@ -104,6 +104,7 @@ def test_a_dry_run_reckons_and_keeps_nothing(fogpipe_cli, words: list[Any], tmp_
         (["--set", "extinction.visibility=9", "--sweep", "extinction.visibility=1,2"], "--set sets it too"),
         (["--sweep", "extinction.visibility=1,-2"], "should be greater than 0, not -2"),
         (["--image-format", "jpg", "--names", "{id}.png"], 'the names end in ".png"'),
+        (["--names", "../{path}.png"], "not a path below the folder of the outputs"),
         (["--names", "{id}.gif"], "--image-format gif: choose one of"),
         (["--keep", "annotations/*.json"], "no file of"),
         (["--map-format", "png", "--also", "range"], "a PNG holds values in [0, 1] only"),

@@ -166,6 +166,7 @@ def test_replay_of_something_else_is_refused(fogpipe_cli, tmp_path: Path, conten
     ("arguments", "message"),
     [
         (["run", "hansard2019"], "needs image"),
+        (["run", "hansard2019", "--scene", "sample:motorcycle", "--cache-limit", "1"], "say --cache DIR too"),
         (["run", "hansard2091"], 'Did you mean "hansard2019"'),
         (["run", "hansard2019", "-i", "image"], "NAME=FILE"),
         (["run", "hansard2019", "-i", "imag=x.png"], 'Did you mean "image"'),
