@@ -60,6 +60,16 @@ def test_auto_keeps_its_promise_where_the_scale_grows_smoothly(power, tolerance)
     assert rms(auto(layer, scale, 1.0, tolerance) - reference(layer, scale, 1.0)) <= tolerance
 
 
+@pytest.mark.parametrize("sigma", [2.0, 3.0, 3.5, 4.0, 5.0])
+def test_auto_keeps_its_promise_where_all_is_blurred_alike(frame, sigma):
+    """Narrow widths, whose polynomials err more of the detail than those of widths that vary."""
+    layer, _ = frame
+    scale = np.full(layer.shape[:2], sigma, np.float32)
+    exact = reference(layer, scale, 1.0)
+    for tolerance in (1e-2, 4e-3, 2e-3, 1e-3, 3e-4):
+        assert rms(auto(layer, scale, 1.0, tolerance) - exact) <= tolerance
+
+
 @pytest.mark.parametrize("sigma", [2.0, 5.0, 12.0, 25.0])
 @pytest.mark.parametrize("tolerance", [1e-2, 2e-3, 3e-4])
 def test_auto_against_the_gaussian(sigma, tolerance):
