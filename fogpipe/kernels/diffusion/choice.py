@@ -81,10 +81,11 @@ def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) 
     _keep(layer, after, *part)
     if rate[part].size:
         (inside,), wanted = floats(layer[part]), np.ascontiguousarray(rate[part])
-        target = after[part] if after[part].flags.c_contiguous else np.empty_like(inside)
-        follow(choose(inside, wanted, largest, tolerance), inside, wanted, target)
-        if target.base is not after:
-            after[part] = target
+        plan, target = choose(inside, wanted, largest, tolerance), after[part]
+        if target.flags.c_contiguous:
+            follow(plan, inside, wanted, target)
+        else:
+            target[...] = follow(plan, inside, wanted)
     return after
 
 
