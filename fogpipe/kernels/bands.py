@@ -34,13 +34,26 @@ def set_threads(count: int) -> None:
     _forget_pool()
 
 
+PER_THREAD = 4
+"""Bands for each thread. Where some rows take longer than others, a thread that is done early takes the next."""
+
+
 def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: Any) -> None:
     """Call ``kernel(first, last, *arguments)`` on bands that cover ``rows`` rows of ``columns`` pixels."""
-    count = max(1, min(_threads, rows, rows * columns // MIN_PIXELS_PER_BAND))
-    edges = [rows * band // count for band in range(count + 1)]
-    pending = [_submit(kernel, edges[band], edges[band + 1], *arguments) for band in range(1, count)]
+    workers = max(1, min(_threads, rows, rows * columns // MIN_PIXELS_PER_BAND))
+    if workers == 1:
+        kernel(0, rows, *arguments)
+        return
+    count = max(workers, min(PER_THREAD * workers, rows, rows * columns // MIN_PIXELS_PER_BAND))
+    bands = iter([(rows * band // count, rows * (band + 1) // count) for band in range(count)])
+
+    def work() -> None:
+        for first, last in bands:
+            kernel(first, last, *arguments)
+
+    pending = [_submit(work) for _ in range(1, workers)]
     try:
-        kernel(edges[0], edges[1], *arguments)
+        work()
     finally:
         for future in pending:
             future.exception()
