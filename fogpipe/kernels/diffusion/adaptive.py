@@ -20,7 +20,7 @@ from fogpipe.kernels.diffusion.tiles import SQUARE, on_grid
 from fogpipe.kernels.diffusion.transfer import averaged, collected, spread
 
 RIM = 2
-"""Squares around those that are taken from the cells: what is missing beyond would show in the last of these."""
+"""Squares at most around those that are taken from the cells: what is missing beyond shows in the last of these."""
 CAP = 2.0
 """Largest rate of a link, in clips. Twice as much gains little and takes two fifths more steps."""
 
@@ -34,8 +34,11 @@ def adaptive(
     written into ``after`` if that is given.
     """
     levels = hierarchy(rate, clip)
-    near, calm = _near(levels[0], clip, share)
-    after = on_grid(layer, rate, calm, share, near < 2, after)
+    if len(levels) == 1:
+        return on_grid(layer, rate, float(rate.max()), share, after=after)
+    near = _near(levels[0].joined, degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share))
+    # A pixel with a face above the clip is in one of the other squares.
+    after = on_grid(layer, rate, clip, share, near < 2, after)
     alone = [level.alone for level in levels]
     cells = partition(levels, [_pixels(alone[0], near, 1), *alone[1:]], CAP * clip)
     values = averaged(layer, levels)
@@ -44,21 +47,20 @@ def adaptive(
     return after
 
 
-def _near(pixels: Level, clip: float, share: float) -> tuple[np.ndarray, float]:
+def _near(joined: np.ndarray, reach: int, degree: int) -> np.ndarray:
     """Squares: 2 for those whose light comes from a larger cell or goes there, 1 for a rim around them, 0 for others.
 
-    And the largest rate among the others, whose polynomial reaches as many pixels as it has degrees.
+    ``joined`` are the pixels of larger cells, ``reach`` is how many pixels far light gets, and ``degree`` how many steps
+    the cells take, which is how far one notices what is cut off.
     """
     import cv2
 
-    rate = pixels.rate
-    squares = tuple(-(-count // SQUARE) for count in rate.shape)
-    with_cells, largest = np.empty(squares, np.uint8), np.empty(squares, rate.dtype)
-    in_bands(_sort, squares[0], rate.shape[1] * SQUARE, rate, pixels.joined, with_cells, largest)
-    reach = -(-degree_for(8 * clip, share) // SQUARE)
-    inner, outer = (cv2.dilate(with_cells, np.ones((2 * r + 1, 2 * r + 1), np.uint8)) for r in (reach, reach + RIM))
-    near = inner + outer
-    return near, float(largest[near < 2].max(initial=0))
+    with_cells = np.empty([-(-count * 2 // SQUARE) for count in joined.shape], np.uint8)
+    in_bands(_with_cells, with_cells.shape[0], joined.shape[1] * SQUARE, joined, with_cells)
+    squares = -(-reach // SQUARE)
+    rim = min(-(-degree // SQUARE), RIM)
+    inner, outer = (cv2.dilate(with_cells, np.ones((2 * r + 1, 2 * r + 1), np.uint8)) for r in (squares, squares + rim))
+    return inner + outer
 
 
 def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
@@ -86,28 +88,20 @@ def _pixels(alone: np.ndarray, near: np.ndarray, least: int) -> np.ndarray:
     return found
 
 
-_FOUR = np.uintp(4)
+_ONE, _TWO, _FOUR = np.uintp(1), np.uintp(2), np.uintp(4)
 
 
 @numba.njit(nogil=True, cache=True)
-def _sort(first, last, rate, joined, with_cells, largest):
-    rows, columns = rate.shape
-    size = SQUARE
+def _with_cells(first, last, joined, with_cells):
+    """1 for the squares of four by four pixels in which some are joined."""
+    rows, columns = joined.shape
     for square in range(first, last):
-        top, bottom = square * size, min(square * size + size, rows)
-        for number in range(with_cells.shape[1]):
-            left, right = number * size, min(number * size + size, columns)
-            found = False
-            for y in range(top // 2, (bottom + 1) // 2):
-                for x in range(left // 2, (right + 1) // 2):
-                    found = found or joined[y, x] > 0
-            with_cells[square, number] = 1 if found else 0
-            most = rate.dtype.type(0)
-            if not found:
-                for y in range(top, bottom):
-                    for x in range(left, right):
-                        most = max(most, rate[y, x])
-            largest[square, number] = most
+        upper, lower, found = joined[2 * square], joined[min(2 * square + 1, rows - 1)], with_cells[square]
+        for x in range(np.uintp(columns // 2)):
+            left, right = _TWO * x, _TWO * x + _ONE
+            found[x] = (upper[left] | upper[right] | lower[left] | lower[right]) > 0
+        if columns % 2:
+            found[-1] = (upper[-1] | lower[-1]) > 0
 
 
 @numba.njit(nogil=True, cache=True)
