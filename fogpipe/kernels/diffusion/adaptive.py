@@ -13,7 +13,7 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.channels import load, store
-from fogpipe.kernels.diffusion.grid import Level, hierarchy
+from fogpipe.kernels.diffusion.grid import hierarchy
 from fogpipe.kernels.diffusion.partition import Partition, partition
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, quantised
 from fogpipe.kernels.diffusion.tiles import SQUARE, on_grid
@@ -39,19 +39,18 @@ def adaptive(
     near = _near(levels[0].joined, degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share))
     # A pixel with a face above the clip is in one of the other squares.
     after = on_grid(layer, rate, clip, share, near < 2, after)
-    alone = [level.alone for level in levels]
-    cells = partition(levels, [_pixels(alone[0], near, 1), *alone[1:]], CAP * clip)
+    cells = partition(levels, near, CAP * clip)
     values = averaged(layer, levels)
     held = _evened(collected(values, cells), cells, share)
-    spread(held, cells, [_pixels(alone[0], near, 2), *alone[1:]], levels, values, after, clip)
+    spread(held, cells, levels, values, after, clip)
     return after
 
 
 def _near(joined: np.ndarray, reach: int, degree: int) -> np.ndarray:
     """Squares: 2 for those whose light comes from a larger cell or goes there, 1 for a rim around them, 0 for others.
 
-    ``joined`` are the pixels of larger cells, ``reach`` is how many pixels far light gets, and ``degree`` how many steps
-    the cells take, which is how far one notices what is cut off.
+    ``joined`` are the pixels of larger cells, ``reach`` is how many pixels far light gets, and ``degree`` how many
+    steps the cells take, which is how far one notices what is cut off.
     """
     import cv2
 
@@ -64,28 +63,26 @@ def _near(joined: np.ndarray, reach: int, degree: int) -> np.ndarray:
 
 
 def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
-    """Diffused for a unit of time, by the recurrence of Chebyshev polynomials T(k) of X = 1 − 2A/λ."""
+    """Diffused for a unit of time, by Clenshaw's recurrence b(k) = c(k) F + 2 X b(k+1) − b(k+2), X = 1 − 2A/λ.
+
+    It begins with b(m) = c(m) F and ends with c(0) F + X b(1) − b(2).
+    """
     leaving = np.empty_like(cells.mass)
     in_bands(_leaving, len(leaving), 4, cells.weights, cells.starts[1], cells.first, cells.rates, leaving)
     spectrum = quantised(2 * float(leaving.max(initial=0)))
     if spectrum == 0:
         return held
-    series = coefficients(spectrum, degree_for(spectrum, share)).astype(held.dtype)
-    now, older, total = held, held.copy(), series[0] * held
-    links = cells.neighbours.ravel(), cells.weights.ravel(), cells.starts[1], cells.first, cells.finer, cells.rates
-    rate = held.dtype.type(2 / spectrum)  # T(1) = X T(0) is half a step from T(0) = T(−1)
-    for factor in series[1:]:
-        in_bands(_step, len(leaving), 4, *links, rate, now, older, total, factor)
-        older, now = now, older
-        rate = held.dtype.type(4 / spectrum)
-    return total
-
-
-def _pixels(alone: np.ndarray, near: np.ndarray, least: int) -> np.ndarray:
-    """Of two by two pixels, those that are cells by themselves where a square is ``least`` or more."""
-    found = np.empty_like(alone)
-    in_bands(_select, *alone.shape, alone, near, least, found)
-    return found
+    real, links = held.dtype.type, (cells.neighbours.ravel(), cells.weights.ravel())
+    links = *links, cells.starts[1], cells.first, cells.finer, cells.rates
+    *series, last = coefficients(spectrum, degree_for(spectrum, share))
+    now, of_now, older, of_older = held, last, held, 0.0
+    for k in range(len(series) - 1, -1, -1):
+        twice = of_now * (2 if k else 1)
+        factors = real(series[k]), real(twice), real(twice * 2 / spectrum), real(of_older)
+        after = np.empty_like(held) if older is held else older
+        in_bands(_step, len(leaving), 4, *links, held, now, older, *factors, after)
+        now, of_now, older, of_older = after, 1.0, now, of_now
+    return now
 
 
 _ONE, _TWO, _FOUR = np.uintp(1), np.uintp(2), np.uintp(4)
@@ -105,14 +102,6 @@ def _with_cells(first, last, joined, with_cells):
 
 
 @numba.njit(nogil=True, cache=True)
-def _select(first, last, alone, near, least, found):
-    size = SQUARE // 2
-    for y in range(first, last):
-        for x in range(alone.shape[1]):
-            found[y, x] = alone[y, x] if near[y // size, x // size] >= least else 0
-
-
-@numba.njit(nogil=True, cache=True)
 def _leaving(lowest, highest, weights, start, first, rates, leaving):
     """What leaves a cell in a unit of time, over what it holds: half of what the eigenvalues may be."""
     for number in range(lowest, highest):
@@ -124,8 +113,10 @@ def _leaving(lowest, highest, weights, start, first, rates, leaving):
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})
-def _step(lowest, highest, neighbours, weights, start, first, finer, rates, rate, now, older, total, share):
-    """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; ``older`` holds T(k−1), then T(k+1)."""
+def _step(
+    lowest, highest, neighbours, weights, start, first, finer, rates,
+    held, now, older, factor, of_here, of_flow, of_older, after,
+):  # fmt: skip
     for number in range(lowest, highest):
         own = np.uintp(number) * _FOUR
         here = load(now, own)
@@ -135,6 +126,5 @@ def _step(lowest, highest, neighbours, weights, start, first, finer, rates, rate
         if number >= start:
             for link in range(first[number - start], first[number - start + 1]):
                 flow = flow + rates[link] * (load(now, np.uintp(finer[link]) * _FOUR) - here)
-        after = (here - load(older, own)) + here + rate * flow
-        store(older, own, after)
-        store(total, own, load(total, own) + share * after)
+        kept = factor * load(held, own) - of_older * load(older, own)
+        store(after, own, kept + of_here * here + of_flow * flow)

@@ -22,9 +22,8 @@ class Partition(NamedTuple):
 
     Attributes
     ----------
-    alone : for each level, which of two by two cells are such cells: 1, 2, 4, 8 by rows.
-    numbers : for each level the number of the cell that each place is in, −1 for none; empty where there are none.
     starts : number of the first cell of each level, and of all.
+    places : (N,) where a cell is in its level, counted row by row; −1 less that for the rim, which gets nothing back.
     mass : (N,) pixels in a cell.
     neighbours : (N, 4) to the west, east, north and south; the cell itself where there is none.
     weights : (N, 4) G/m of the links to them, 0 for none.
@@ -32,9 +31,8 @@ class Partition(NamedTuple):
         ``finer``, their numbers, and ``rates``, G/m.
     """
 
-    alone: list[np.ndarray]
-    numbers: list[np.ndarray]
     starts: list[int]
+    places: np.ndarray
     mass: FloatArray
     neighbours: np.ndarray
     weights: FloatArray
@@ -43,40 +41,62 @@ class Partition(NamedTuple):
     rates: FloatArray
 
 
-def partition(levels: list[Level], alone: list[np.ndarray], cap: float) -> Partition:
+def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
     """Number the cells, and link them.
 
     Parameters
     ----------
-    alone : for each level, which of two by two cells are to be numbered: those it has alone, or fewer pixels.
+    near : of squares of four by four pixels, 2 or 1 for those whose pixels are numbered, 1 for the rim.
     cap : largest G/m of a link for the smaller of its cells.
     """
-    rows, starts = [], [0]
+    alone = [_pixels(levels[0].alone, near), *(level.alone for level in levels[1:])]
+    starts, rows = [0], []  # of each level, and in it of each two rows
     for own in alone:
-        counts = np.empty(len(own), np.int64)
-        in_bands(_count, *own.shape, own, counts)
-        rows.append(starts[-1] + np.cumsum(counts) - counts)
-        starts.append(starts[-1] + int(counts.sum()))
-    dtype = levels[0].rate.dtype
-    mass = np.empty(starts[-1], dtype)
-    numbers = [np.empty((0, 0), np.int32) for _ in levels]
-    above = numbers[-1]
-    for k in reversed(range(0 if starts[1] else 1, len(levels))):
-        numbers[k] = np.empty(levels[k].shape, np.int32)
-        in_bands(_number, *alone[k].shape, levels[k].mass, levels[k].joined, alone[k], rows[k], above, numbers[k], mass)
-        above = numbers[k]
-    neighbours, weights = np.empty((starts[-1], 4), np.uint32), np.empty((starts[-1], 4), dtype)
-    for level, single, own in zip(levels, alone, numbers, strict=True):
-        if own.size:
-            links = (level.rate, level.east, level.south, single, own, dtype.type(cap), mass)
-            in_bands(_links, *single.shape, *links, neighbours, weights)
-    bounds = np.array(starts)
-    counts = np.zeros(starts[-1] - starts[1] + 1, np.int64)
-    _count_finer(bounds, neighbours, weights, counts)
-    first = np.cumsum(counts)
-    finer, rates = np.empty(first[-1], np.uint32), np.empty(first[-1], dtype)
-    _list_finer(bounds, neighbours, weights, mass, first[:-1].copy(), finer, rates)
-    return Partition(alone, numbers, starts, mass, neighbours, weights, first, finer, rates)
+        counts = np.zeros(len(own) + 1, np.int64)
+        in_bands(_count, *own.shape, own, counts[1:])
+        rows.append(starts[-1] + np.cumsum(counts))
+        starts.append(int(rows[-1][-1]))
+    count, dtype = starts[-1], levels[0].rate.dtype
+    places, mass = np.empty(count, np.int32), np.empty(count, dtype)
+    neighbours, weights = np.empty((count, 4), np.uint32), np.empty((count, 4), dtype)
+    coarser = np.empty(count, np.uint8)
+    numbers = np.empty((0, 0), np.int32)
+    for k in range(len(levels) - 1, -1, -1):
+        level, own, rim = levels[k], alone[k], near[: len(near) if k == 0 else 0]
+        coarse, numbers = numbers, np.empty(level.shape, np.int32)
+        in_bands(_number, *own.shape, level.mass, level.joined, own, rim, rows[k], coarse, numbers, places, mass)
+        # Coarser cells are done, and a link needs no more of finer ones than their links back.
+        conductances, limits = (level.rate, level.east, level.south), (dtype.type(cap), starts[k + 1])
+        cells = places, mass, neighbours, weights, coarser
+        in_bands(_links, *own.shape, *conductances, numbers, rows[k], *limits, *cells)
+    first = np.zeros(count - starts[1] + 1, np.int64)
+    links = _to_coarser(coarser, neighbours, starts[1], first)
+    finer, rates = np.empty(len(links), np.uint32), np.empty(len(links), dtype)
+    _turn(links, neighbours, weights, mass, starts[1], first, finer, rates)
+    return Partition(starts, places, mass, neighbours, weights, first, finer, rates)
+
+
+def _pixels(alone: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Of two by two pixels, those that are cells by themselves in squares that are near."""
+    found = np.empty_like(alone)
+    in_bands(_select, *alone.shape, alone, near, found)
+    return found
+
+
+_ONE, _TWO = np.uintp(1), np.uintp(2)
+
+
+@numba.njit(nogil=True, cache=True)
+def _select(first, last, alone, near, found):
+    none = np.uint8(0)
+    for y in range(first, last):
+        row, own, squares = found[y], alone[y], near[y // 2]
+        for n in range(np.uintp(len(own) // 2)):
+            left, right = _TWO * n, _TWO * n + _ONE
+            row[left] = own[left] if squares[n] > none else none
+            row[right] = own[right] if squares[n] > none else none
+        if len(own) % 2:
+            row[-1] = own[-1] if squares[-1] > none else none
 
 
 @numba.njit(nogil=True, cache=True)
@@ -90,50 +110,77 @@ def _count(first, last, alone, counts):
 
 
 @numba.njit(nogil=True, cache=True)
-def _number(first, last, mass, joined, alone, starts, coarse, numbers, masses):
+def _number(first, last, mass, joined, alone, near, starts, coarse, numbers, places, masses):
+    """Cells by themselves, two by two of them after the others in two rows. Parts of a coarser one have its number."""
     rows, columns = numbers.shape
     one = masses.dtype.type(1)
     for y in range(first, last):
+        for j in range(2 * y, min(2 * y + 2, rows)):
+            if coarse.size:
+                _inherit(joined[y], np.uint8(j & 1) << np.uint8(1), coarse[y], numbers[j])
+            else:
+                numbers[j] = -1
         number = starts[y]
-        for x in range(joined.shape[1]):
-            part, single = joined[y, x], alone[y, x]
-            above = coarse[y, x] if part else -1
+        for x in range(alone.shape[1]):
+            single = alone[y, x]
+            if single == 0:
+                continue
+            rim = near.size and near[y // 2, x // 2] == 1
             for k in range(4):
-                j, i = 2 * y + (k >> 1), 2 * x + (k & 1)
                 if single >> k & 1:
+                    j, i = 2 * y + (k >> 1), 2 * x + (k & 1)
+                    place = j * columns + i
                     numbers[j, i] = number
+                    places[number] = -1 - place if rim else place
                     masses[number] = mass[j, i] if mass.size else one
                     number += 1
-                elif j < rows and i < columns:
-                    numbers[j, i] = above if part >> k & 1 else -1
 
 
 @numba.njit(nogil=True, cache=True)
-def _links(first, last, rate, east, south, alone, numbers, cap, mass, neighbours, weights):
-    rows, columns = numbers.shape
-    zero = mass.dtype.type(0)
+def _inherit(joined, shift, coarse, numbers):
+    """Of a row of cells, the numbers of the coarser ones that they are part of; −1 for those of none."""
+    one, two, none = np.uint8(1), np.uint8(2), np.int32(-1)
+    for x in range(np.uintp(len(numbers) // 2)):
+        part = joined[x] >> shift
+        numbers[_TWO * x] = coarse[x] if part & one else none
+        numbers[_TWO * x + _ONE] = coarse[x] if part & two else none
+    if len(numbers) % 2:
+        numbers[-1] = coarse[-1] if joined[-1] >> shift & one else none
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _links(first, last, rate, east, south, numbers, starts, cap, end, places, mass, neighbours, weights, coarser):
+    """The four of each cell, and which of them go to one from number ``end`` on: 1, 2, 4, 8."""
+    rows, columns = np.uintp(numbers.shape[0]), np.uintp(numbers.shape[1])
+    none, zero, cells = np.int32(-1), mass.dtype.type(0), (mass, neighbours, weights)
     for y in range(first, last):
-        for x in range(alone.shape[1]):
-            single = alone[y, x]
-            for k in range(4):
-                if not single >> k & 1:
-                    continue
-                j, i = 2 * y + (k >> 1), 2 * x + (k & 1)
-                number = numbers[j, i]
-                for side in range(4):
-                    other, flow = -1, zero
-                    if side == 0 and i > 0:
-                        other, flow = numbers[j, i - 1], _face(rate, east, j, i - 1, j, i)
-                    elif side == 1 and i + 1 < columns:
-                        other, flow = numbers[j, i + 1], _face(rate, east, j, i, j, i + 1)
-                    elif side == 2 and j > 0:
-                        other, flow = numbers[j - 1, i], _face(rate, south, j - 1, i, j, i)
-                    elif side == 3 and j + 1 < rows:
-                        other, flow = numbers[j + 1, i], _face(rate, south, j, i, j + 1, i)
-                    if other < 0:
-                        other, flow = number, zero
-                    neighbours[number, side] = other
-                    weights[number, side] = min(flow, cap * min(mass[number], mass[other])) / mass[number]
+        for number in range(np.uintp(starts[y]), np.uintp(starts[y + 1])):
+            place = np.uintp(max(places[number], -1 - places[number]))
+            j = np.uintp(2 * y) if place < np.uintp(2 * y + 1) * columns else np.uintp(2 * y + 1)
+            i = place - j * columns
+            at_west = at_east = at_north = at_south = none
+            to_west = to_east = to_north = to_south = zero
+            if i > 0:
+                at_west, to_west = numbers[j, i - _ONE], _face(rate, east, j, i - _ONE, j, i)
+            if i + _ONE < columns:
+                at_east, to_east = numbers[j, i + _ONE], _face(rate, east, j, i, j, i + _ONE)
+            if j > 0:
+                at_north, to_north = numbers[j - _ONE, i], _face(rate, south, j - _ONE, i, j, i)
+            if j + _ONE < rows:
+                at_south, to_south = numbers[j + _ONE, i], _face(rate, south, j, i, j + _ONE, i)
+            found = _link(number, 0, at_west, to_west, cap, end, *cells)
+            found |= _link(number, 1, at_east, to_east, cap, end, *cells)
+            found |= _link(number, 2, at_north, to_north, cap, end, *cells)
+            coarser[number] = found | _link(number, 3, at_south, to_south, cap, end, *cells)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _link(number, side, other, flow, cap, end, mass, neighbours, weights):
+    there = other >= 0
+    beside, own = np.uintp(other) if there else number, mass[number]
+    neighbours[number, side] = beside
+    weights[number, side] = min(flow, cap * min(own, mass[beside])) / own if there else flow - flow
+    return np.uint8((other >= end) & (flow > 0)) << np.uint8(side)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -143,23 +190,28 @@ def _face(rate, conductance, y, x, j, i):
 
 
 @numba.njit(nogil=True, cache=True)
-def _count_finer(starts, neighbours, weights, counts):
-    for level in range(len(starts) - 2):
-        for number in range(starts[level], starts[level + 1]):
+def _to_coarser(coarser, neighbours, start, first):
+    """Links to cells of coarser levels, as 4 · cell + side, and how many each of those has."""
+    links, count = np.empty(4 * len(coarser), np.uint32), 0
+    for number in range(len(coarser)):
+        if coarser[number]:
             for side in range(4):
-                other = np.int64(neighbours[number, side])
-                if other >= starts[level + 1] and weights[number, side] > 0:
-                    counts[other - starts[1] + 1] += 1
+                if coarser[number] >> side & 1:
+                    links[count] = 4 * number + side
+                    first[neighbours[number, side] - start + 1] += 1
+                    count += 1
+    first[:] = np.cumsum(first)
+    return links[:count]
 
 
 @numba.njit(nogil=True, cache=True)
-def _list_finer(starts, neighbours, weights, mass, place, finer, rates):
-    for level in range(len(starts) - 2):
-        for number in range(starts[level], starts[level + 1]):
-            for side in range(4):
-                other = np.int64(neighbours[number, side])
-                if other >= starts[level + 1] and weights[number, side] > 0:
-                    k = place[other - starts[1]]
-                    finer[k] = number
-                    rates[k] = weights[number, side] * mass[number] / mass[other]
-                    place[other - starts[1]] = k + 1
+def _turn(links, neighbours, weights, mass, start, first, finer, rates):
+    """The links to coarser cells, listed for those."""
+    place = first.copy()
+    for link in links:
+        number, side = link >> 2, link & 3
+        other = neighbours[number, side]
+        k = place[other - start]
+        finer[k] = number
+        rates[k] = weights[number, side] * mass[number] / mass[other]
+        place[other - start] = k + 1

@@ -34,22 +34,20 @@ def averaged(layer: FloatArray, levels: list[Level]) -> list[FloatArray]:
 def collected(values: list[FloatArray], cells: Partition) -> FloatArray:
     """What each cell holds, four numbers one after the other (4 N)."""
     held = np.empty(4 * len(cells.mass), values[0].dtype)
-    for own, alone, numbers in zip(values, cells.alone, cells.numbers, strict=True):
-        if numbers.size:
-            in_bands(_collect, *alone.shape, own, alone, numbers, held)
+    for own, (first, last) in zip(values, itertools.pairwise(cells.starts), strict=True):
+        in_bands(_collect, last - first, 1, own.ravel(), cells.places[first:last], held[4 * first : 4 * last])
     return held
 
 
 def spread(
     held: FloatArray,
     cells: Partition,
-    alone: list[np.ndarray],
     levels: list[Level],
     values: list[FloatArray],
     after: FloatArray,
     clip: float,
 ) -> None:
-    """Write what the cells hold into their pixels, and of those that are ``alone`` into themselves."""
+    """Write what the cells hold into their pixels, but for those of the rim."""
     below = [in_rows(after), *values[1:]]
     real = held.dtype.type
     for k in range(len(levels) - 1, -1, -1):
@@ -57,8 +55,8 @@ def spread(
             (_, whole, east, south, _, _), level = levels[k + 1], levels[k]
             ways = (whole, real(4 ** (k + 1)), east, south, real(WEAK * clip / 4))
             in_bands(_fill, *level.joined.shape, level.joined, level.mass, *ways, below[k + 1], below[k])
-        if cells.numbers[k].size:
-            in_bands(_give, *alone[k].shape, held, alone[k], cells.numbers[k], below[k])
+        first, last = cells.starts[k : k + 2]
+        in_bands(_give, last - first, 1, held[4 * first : 4 * last], cells.places[first:last], below[k].reshape(-1))
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -92,27 +90,17 @@ def _mean_of_four(upper, lower, coarse):
 
 
 @numba.njit(nogil=True, cache=True)
-def _collect(first, last, values, alone, numbers, held):
-    for y in range(first, last):
-        for x in range(alone.shape[1]):
-            single = alone[y, x]
-            if single:
-                for k in range(4):
-                    if single >> k & 1:
-                        row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
-                        store(held, np.uintp(4 * numbers[row, column]), load(values[row], np.uintp(4 * column)))
+def _collect(first, last, values, places, held):
+    for number in range(np.uintp(first), np.uintp(last)):
+        place = max(places[number], -1 - places[number])
+        store(held, _FOUR * number, load(values, _FOUR * np.uintp(place)))
 
 
 @numba.njit(nogil=True, cache=True)
-def _give(first, last, held, alone, numbers, values):
-    for y in range(first, last):
-        for x in range(alone.shape[1]):
-            single = alone[y, x]
-            if single:
-                for k in range(4):
-                    if single >> k & 1:
-                        row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
-                        store(values[row], np.uintp(4 * column), load(held, np.uintp(4 * numbers[row, column])))
+def _give(first, last, held, places, values):
+    for number in range(np.uintp(first), np.uintp(last)):
+        if places[number] >= 0:
+            store(values, _FOUR * np.uintp(places[number]), load(held, _FOUR * number))
 
 
 @numba.njit(nogil=True, cache=True)
