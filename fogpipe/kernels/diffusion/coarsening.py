@@ -46,6 +46,9 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
                 _down(down[one, run], down[two, run], down[three, run], blur, least, coarse_south[y, start:x])
                 continue
             i, part = 2 * x, joined[y, x]
+            if part == 0:
+                coarse_east[y, x], coarse_south[y, x], x = zero, zero, x + 1
+                continue
             beside = joined[y, x + 1] if x + 1 < columns else np.uint8(0)
             below = joined[y + 1, x] if y + 1 < rows else np.uint8(0)
             a, b = masses[one, i] if part & 1 else zero, masses[one, i + 1] if part & 2 else zero
