@@ -15,7 +15,7 @@ from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.grid import hierarchy
 from fogpipe.kernels.diffusion.partition import Partition, partition
-from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, quantised
+from fogpipe.kernels.diffusion.polynomial import LARGEST_FACTOR, coefficients, degree_for, quantised
 from fogpipe.kernels.diffusion.tiles import SQUARE, on_grid
 from fogpipe.kernels.diffusion.transfer import averaged, collected, spread
 
@@ -37,8 +37,7 @@ def adaptive(
     if len(levels) == 1:
         return on_grid(layer, rate, float(rate.max()), share, after=after)
     near = _near(levels[0].joined, degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share))
-    # A pixel with a face above the clip is in one of the other squares.
-    after = on_grid(layer, rate, clip, share, near < 2, after)
+    after = on_grid(layer, rate, _calm(rate, near, clip, share), share, near < 2, after)
     cells = partition(levels, near, CAP * clip)
     values = averaged(layer, levels)
     held = _evened(collected(values, cells), cells, share)
@@ -60,6 +59,15 @@ def _near(joined: np.ndarray, reach: int, degree: int) -> np.ndarray:
     rim = min(-(-degree // SQUARE), RIM)
     inner, outer = (cv2.dilate(with_cells, np.ones((2 * r + 1, 2 * r + 1), np.uint8)) for r in (squares, squares + rim))
     return inner + outer
+
+
+def _calm(rate: FloatArray, near: np.ndarray, clip: float, share: float) -> float:
+    """No less than the largest rate in the other squares than 2: the clip, for what has faces above that is in those."""
+    if degree_for(8 * clip, share) <= LARGEST_FACTOR:
+        return clip
+    # Several passes over the layer, or none: that is worth a look.
+    calm = np.repeat(np.repeat(near < 2, SQUARE, axis=0), SQUARE, axis=1)
+    return min(clip, float(rate.max(where=calm[: rate.shape[0], : rate.shape[1]], initial=0)))
 
 
 def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:

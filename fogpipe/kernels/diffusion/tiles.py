@@ -47,8 +47,7 @@ def on_grid(
     spectrum = quantised(8 * largest)
     factors = passes(spectrum, degree_for(spectrum, share))
     rows, columns, _ = layer.shape
-    everything = np.ones((-(-rows // SQUARE), -(-columns // SQUARE)), np.bool_)
-    wanted = everything if wanted is None else wanted
+    wanted = np.ones((-(-rows // SQUARE), -(-columns // SQUARE)), np.bool_) if wanted is None else wanted
     result = np.empty_like(layer) if after is None else after
     between = np.empty_like(layer) if len(factors) > 1 else result
     for number, factor in enumerate(factors):
@@ -61,12 +60,20 @@ def on_grid(
         # As many rows again as the margins have: a tile of many steps would else be little but margins.
         margin = series.shape[1] - 1
         height, width = LEAST_ROWS + 2 * margin, COLUMNS - 2 * margin
-        # The next factor takes what it needs from beyond the squares that are wanted.
-        where = wanted if number == len(factors) - 1 else everything
+        # Those that follow take what they need from beyond the squares that are wanted.
+        where = _around(wanted, sum(len(each) - 1 for each in factors[number + 1 :]))
         arguments = (height, width, in_rows(layer), rate, where, spectra, series)
         in_bands(_tiles, -(-rows // height), height * columns, *arguments, in_rows(after))
         layer = after
     return layer
+
+
+def _around(wanted: np.ndarray, reach: int) -> np.ndarray:
+    """Those squares, and all that are not farther from them than so many pixels."""
+    import cv2
+
+    size = 2 * -(-reach // SQUARE) + 1
+    return cv2.dilate(wanted.view(np.uint8), np.ones((size, size), np.uint8)).view(np.bool_)
 
 
 @lru_cache(64)
