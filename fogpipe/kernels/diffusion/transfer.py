@@ -71,7 +71,8 @@ def _average(first, last, values, mass, joined, whole, full, coarse):
                 _mean_of_four(values[2 * y, 8 * start :], values[2 * y + 1, 8 * start :], coarse[y, 4 * start : 4 * x])
                 continue
             own = np.uintp(4 * x)
-            coarse[y, 4 * x : 4 * x + 4] = 0
+            if joined[y, x]:
+                coarse[y, 4 * x : 4 * x + 4] = 0
             for k in range(4):
                 if joined[y, x] >> k & 1:
                     row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
@@ -110,8 +111,7 @@ def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, 
     The cell beyond gives as much as it takes, so the mean is kept. Level upon level this makes a smooth surface.
     """
     rows, columns = joined.shape
-    zero, quarter = mass.dtype.type(0), mass.dtype.type(0.25)
-    smooth = np.zeros(columns, np.bool_)
+    quarter, smooth = mass.dtype.type(0.25), np.zeros(columns, np.bool_)
     for y in range(first, last):
         n, s = max(y - 1, 0), min(y + 1, rows - 1)
         if 0 < y < rows - 1:
@@ -142,15 +142,14 @@ def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, 
                 if part >> k & 1:
                     right, lower = k & 1, k >> 1
                     row, column = 2 * y + lower, 2 * x + right
-                    own = _mass(mass, row, column)
-                    beside, below = zero, zero
+                    own, value = _mass(mass, row, column), here
                     if (to_east if right else to_west) >> (k ^ 1) & 1:
-                        beside = quarter * min(own, _mass(mass, row, column + 2 * right - 1)) / own
+                        share = quarter * min(own, _mass(mass, row, column + 2 * right - 1)) / own
+                        value = value + share * (load(coarse[y], np.uintp(4 * (e if right else w))) - here)
                     if (to_south if lower else to_north) >> (k ^ 2) & 1:
-                        below = quarter * min(own, _mass(mass, row + 2 * lower - 1, column)) / own
-                    across = load(coarse[y], np.uintp(4 * (e if right else w)))
-                    down = load(coarse[s if lower else n], np.uintp(4 * x))
-                    store(values[row], np.uintp(4 * column), here + beside * (across - here) + below * (down - here))
+                        share = quarter * min(own, _mass(mass, row + 2 * lower - 1, column)) / own
+                        value = value + share * (load(coarse[s if lower else n], np.uintp(4 * x)) - here)
+                    store(values[row], np.uintp(4 * column), value)
             x += 1
 
 
