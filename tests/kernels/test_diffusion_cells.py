@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from fogpipe.kernels import bands
 from fogpipe.kernels.diffusion import reference
 from fogpipe.kernels.diffusion.adaptive import adaptive
 from fogpipe.kernels.diffusion.grid import Level, hierarchy, rates
@@ -69,6 +70,21 @@ def test_what_flows_from_a_cell_to_another_flows_back_alike(shape):
     np.testing.assert_allclose(flow, flow.T, rtol=1e-12)  # float64
     # No link evens out the smaller of its cells by more than the cap; a cell may touch another along two sides.
     assert (cells.weights <= 4.0 + 1e-12).all()
+
+
+def test_threads_do_not_change_a_bit():
+    """Bands begin at odd rows as well, and beside one another cells are joined across the line between two."""
+    scale = torn((620, 898)).astype(np.float32)
+    layer = np.random.default_rng(5).random((*scale.shape, 4), dtype=np.float32)
+    before = bands.threads()
+    try:
+        results = []
+        for count in (1, 2, 3):
+            bands.set_threads(count)
+            results.append(adaptive(layer, rates(scale, 1.0), 1.0, 0.1).tobytes())
+    finally:
+        bands.set_threads(before)
+    assert results[0] == results[1] == results[2]
 
 
 def test_the_rate_of_larger_cells_is_that_of_their_pixels():

@@ -9,37 +9,37 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fogpipe.kernels.diffusion.rows import four_rows, load_row
-
 _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
 @numba.njit(nogil=True, cache=True)
 def join(first, last, rate, mass, east, south, clip, least, joined, alone, coarse_mass):
     """Of each two by two cells with a strong face, those that such faces connect: the most mass, if not all."""
-    width = 2 * joined.shape[1] + 2
-    masses, across, down = four_rows(width, mass), four_rows(width, mass), four_rows(width, mass)
+    pixels, width = rate.size > 0, 2 * joined.shape[1] + 2
+    rows, columns = rate.shape if pixels else mass.shape
+    upper, lower = np.zeros(width, mass.dtype), np.zeros(width, mass.dtype)  # no mass behind the last column
     above, ours, beneath = np.zeros(width, np.uint8), np.zeros(width, np.uint8), np.zeros(width, np.uint8)
     mixed = np.zeros(joined.shape[1], np.bool_)
-    level = rate, mass, east, south
-    for row in range(max(2 * first - 1, 0), 2 * first + 1):
-        load_row(row, *level, masses, across, down)
+    level = rate, mass, east, south, clip
+    upper[:columns] = lower[:columns] = 1
     if first > 0:
-        _strong(masses[3], masses[0], across[3], down[3], clip, beneath)
+        _strong_faces(2 * first - 1, *level, beneath)
     for y in range(first, last):
-        for row in range(2 * y + 1, 2 * y + 3):
-            load_row(row, *level, masses, across, down)
         above, beneath = beneath, above
-        one, two, three = 2 * y & 3, 2 * y + 1 & 3, 2 * y + 2 & 3
-        _strong(masses[one], masses[two], across[one], down[one], clip, ours)
-        _strong(masses[two], masses[three], across[two], down[two], clip, beneath)
-        faces = above, ours, beneath
-        _join_all_or_none(masses[one], masses[two], *faces, least, joined[y], alone[y], coarse_mass[y], mixed)
+        _strong_faces(2 * y, *level, ours)
+        _strong_faces(2 * y + 1, *level, beneath)
+        faces, found = (above, ours, beneath), (joined[y], alone[y], coarse_mass[y], mixed)
+        if pixels and 2 * y + 1 < rows:
+            _join_pixels(*faces, *found)
+        else:
+            _load_masses(2 * y, rate, mass, upper)
+            _load_masses(2 * y + 1, rate, mass, lower)
+            _join_all_or_none(upper, lower, *faces, least, *found)
         for x in range(joined.shape[1]):
             if not mixed[x]:
                 continue
             left, right = 2 * x, 2 * x + 1
-            m0, m1, m2, m3 = masses[one, left], masses[one, right], masses[two, left], masses[two, right]
+            m0, m1, m2, m3 = upper[left], upper[right], lower[left], lower[right]
             a, b, c, d = ours[left], ours[right], beneath[left], beneath[right]
             there = (1 if m0 > 0 else 0) | (2 if m1 > 0 else 0) | (4 if m2 > 0 else 0) | (8 if m3 > 0 else 0)
             # Faces to the west and north belong to the cells there.
@@ -67,12 +67,63 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
 
 
 @numba.njit(nogil=True, cache=True)
-def _strong(here, below, across, down, clip, strong):
-    """1 for a strong face to the east, 2 for one to the south, 3 for both."""
-    for x in range(len(here) - 1):
-        to_east = across[x] > clip * min(here[x], here[x + 1])
+def _load_masses(y, rate, mass, masses):
+    """Of a row of cells; 0 beyond the last one."""
+    if y >= max(len(rate), len(mass)):
+        masses[:] = 0
+    elif rate.size:
+        masses[: rate.shape[1]] = 1
+    else:
+        masses[: mass.shape[1]] = mass[y]
+
+
+@numba.njit(nogil=True, cache=True)
+def _strong_faces(y, rate, mass, east, south, clip, strong):
+    """Of the cells of a row, 1 for a strong face to the east, 2 for one to the south, 3 for both."""
+    rows = len(rate) if rate.size else len(mass)
+    if y >= rows:
+        strong[:] = 0
+    elif rate.size:
+        _strong_of_pixels(rate[y], rate[min(y + 1, rows - 1)], clip, strong)
+    else:
+        _strong_of_cells(mass[y], mass[min(y + 1, rows - 1)], east[y], south[y], clip, strong)
+    if y == rows - 1:
+        for x in range(np.uintp(len(strong))):
+            strong[x] &= np.uint8(1)
+
+
+@numba.njit(nogil=True, cache=True)
+def _strong_of_pixels(here, below, clip, strong):
+    twice, last = clip + clip, np.uintp(len(here) - 1)
+    for x in range(last):
+        to_east, to_south = here[x] + here[x + _ONE] > twice, here[x] + below[x] > twice
+        strong[x] = np.uint8(to_east) | np.uint8(to_south) << np.uint8(1)
+    strong[last] = np.uint8(here[last] + below[last] > twice) << np.uint8(1)
+
+
+@numba.njit(nogil=True, cache=True)
+def _strong_of_cells(here, below, across, down, clip, strong):
+    last = np.uintp(len(here) - 1)
+    for x in range(last):
+        to_east = across[x] > clip * min(here[x], here[x + _ONE])
         to_south = down[x] > clip * min(here[x], below[x])
         strong[x] = np.uint8(to_east) | np.uint8(to_south) << np.uint8(1)
+    strong[last] = np.uint8(down[last] > clip * min(here[last], below[last])) << np.uint8(1)
+
+
+@numba.njit(nogil=True, cache=True)
+def _join_pixels(above, ours, beneath, joined, alone, coarse_mass, mixed):
+    """As below, where every cell is there and has the mass of a pixel."""
+    none, one, two, three, all_four = np.uint8(0), np.uint8(1), np.uint8(2), np.uint8(3), np.uint8(15)
+    for x in range(_ONE, np.uintp(len(joined))):
+        i = _TWO * x
+        every = ours[i] & (ours[i + _ONE] | one) & (beneath[i] << one | one) == three
+        touched = ours[i] | ours[i + _ONE] | beneath[i] | beneath[i + _ONE] | ((above[i] | above[i + _ONE]) & two)
+        touched |= (ours[i - _ONE] | beneath[i - _ONE]) & one
+        mixed[x] = (touched > none) & ~every
+        joined[x], alone[x] = (all_four if every else none), (none if every else all_four)
+        coarse_mass[x] = coarse_mass.dtype.type(4) if every else coarse_mass.dtype.type(0)
+    joined[0], mixed[0], mixed[-1] = none, True, True  # these have no cells to their west, or maybe to their east
 
 
 @numba.njit(nogil=True, cache=True)
