@@ -82,6 +82,22 @@ def split(context, array, start, planes, place, apart):
     return types.void(array, start, planes, place, apart), generate
 
 
+@_instruction
+def fetch(context, array, start):
+    """Begin to bring what lies at an index of an array into the cache, since it is soon written."""
+
+    def generate(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        address, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [address, number, number, number])
+        prefetch = builder.module.declare_intrinsic("llvm.prefetch", [address], kind)
+        to_write, keep, as_data = number(1), number(3), number(1)
+        builder.call(prefetch, [builder.bitcast(builder.gep(data, [arguments[1]]), address), to_write, keep, as_data])
+        return context.get_dummy_value()
+
+    return types.void(array, start), generate
+
+
 def _pointer(context: Any, builder: Any, kind: Any, array: Any, start: Any, count: int) -> Any:
     """To ``count`` numbers of an array as one vector."""
     data = context.make_array(kind)(context, builder, array).data

@@ -62,7 +62,7 @@ def _near(joined: np.ndarray, reach: int, degree: int) -> np.ndarray:
 
 
 def _calm(rate: FloatArray, near: np.ndarray, clip: float, share: float) -> float:
-    """No less than the largest rate in the other squares than 2: the clip, for what has faces above that is in those."""
+    """No less than the largest rate in squares below 2: the clip, for what has a face above that is not in those."""
     if degree_for(8 * clip, share) <= LARGEST_FACTOR:
         return clip
     # Several passes over the layer, or none: that is worth a look.

@@ -14,7 +14,7 @@ import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
-from fogpipe.kernels.channels import SPLIT, split
+from fogpipe.kernels.channels import SPLIT, fetch, split
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, passes, quantised
 from fogpipe.kernels.diffusion.rows import largest_of
 
@@ -22,6 +22,8 @@ COLUMNS = 256
 """Of a tile with its margins."""
 LEAST_ROWS = 24
 """Of a tile without what its margins add: few enough for what a step touches to stay in the second cache."""
+AHEAD = 2
+"""Rows of a tile after which one is written that is fetched now: too short for a processor to see what comes next."""
 SQUARE = 4
 """Pixels across the squares that are computed or not."""
 
@@ -237,6 +239,9 @@ def _load_layer(y0, y1, x0, x1, layer, values):
 @numba.njit(nogil=True, cache=True)
 def _store(top, bottom, left, right, y0, x0, sums, after):
     for y in range(top, bottom):
+        soon = after[min(y + AHEAD, bottom - 1), 4 * left : 4 * right]
+        for i in range(np.uintp(0), np.uintp(len(soon)), _SPLIT):
+            fetch(soon, i)
         row, start = sums[y - y0 + 1], 16 + left - x0
         a, b, c, d = row[0, start:], row[1, start:], row[2, start:], row[3, start:]
         pixels = after[y, 4 * left : 4 * right]
