@@ -69,11 +69,8 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
         conductances, limits = (level.rate, level.east, level.south), (dtype.type(cap), starts[k + 1])
         cells = places, mass, neighbours, weights, coarser
         in_bands(_links, *own.shape, *conductances, numbers, rows[k], *limits, *cells)
-    first = np.zeros(count - starts[1] + 1, np.int64)
-    links = _to_coarser(coarser, neighbours, starts[1], first)
-    finer, rates = np.empty(len(links), np.uint32), np.empty(len(links), dtype)
-    _turn(links, neighbours, weights, mass, starts[1], first, finer, rates)
-    return Partition(starts, places, mass, neighbours, weights, first, finer, rates)
+    turned = _turned(coarser, neighbours, weights, mass, starts[1])
+    return Partition(starts, places, mass, neighbours, weights, *turned)
 
 
 def _pixels(alone: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -189,29 +186,25 @@ def _face(rate, conductance, y, x, j, i):
     return rate.dtype.type(0.5) * (rate[y, x] + rate[j, i]) if rate.size else conductance[y, x]
 
 
-@numba.njit(nogil=True, cache=True)
-def _to_coarser(coarser, neighbours, start, first):
-    """Links to cells of coarser levels, as 4 · cell + side, and how many each of those has."""
-    links, count = np.empty(4 * len(coarser), np.uint32), 0
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _turned(coarser, neighbours, weights, mass, start):
+    """The links to coarser cells, listed for those: see ``Partition``."""
+    most, count = 4 * np.count_nonzero(coarser), 0
+    links, others, flows = np.empty(most, np.uint32), np.empty(most, np.uint32), np.empty(most, mass.dtype)
+    first = np.zeros(len(mass) - start + 1, np.int64)
     for number in range(len(coarser)):
         if coarser[number]:
             for side in range(4):
                 if coarser[number] >> side & 1:
-                    links[count] = 4 * number + side
-                    first[neighbours[number, side] - start + 1] += 1
+                    other = neighbours[number, side] - start
+                    links[count], others[count], flows[count] = number, other, weights[number, side] * mass[number]
+                    first[other + 1] += 1
                     count += 1
     first[:] = np.cumsum(first)
-    return links[:count]
-
-
-@numba.njit(nogil=True, cache=True)
-def _turn(links, neighbours, weights, mass, start, first, finer, rates):
-    """The links to coarser cells, listed for those."""
-    place = first.copy()
-    for link in links:
-        number, side = link >> 2, link & 3
-        other = neighbours[number, side]
-        k = place[other - start]
-        finer[k] = number
-        rates[k] = weights[number, side] * mass[number] / mass[other]
-        place[other - start] = k + 1
+    place, finer, rates = first.copy(), np.empty(count, np.uint32), np.empty(count, mass.dtype)
+    for link in range(count):
+        other = others[link]
+        k = place[other]
+        finer[k], rates[k] = links[link], flows[link] / mass[start + other]
+        place[other] = k + 1
+    return first, finer, rates
