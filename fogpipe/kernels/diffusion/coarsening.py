@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fogpipe.kernels.diffusion.rows import four_rows, load_row
+from fogpipe.kernels.diffusion.rows import end_of_run, flags, four_rows, load_row
 
 WEAK = 0.1
 """A face inside a cell that is this much weaker than the one beside it has a way round it."""
@@ -21,9 +21,9 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
     """
     rows, columns = joined.shape
     width = 2 * columns + 2
-    masses, across, down = four_rows(width, mass), four_rows(width, mass), four_rows(width, mass)
+    masses, across, down = four_rows(width, rate, mass)
     level = rate, mass, east, south
-    alike, zero = np.zeros(columns, np.bool_), mass.dtype.type(0)
+    (alike, eights), zero = flags(columns), mass.dtype.type(0)
     for row in range(2 * first, 2 * first + 2):
         load_row(row, *level, masses, across, down)
     for y in range(first, last):
@@ -34,12 +34,10 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
         if y + 1 < rows:
             _alike(whole[y], whole[y + 1], full, alike)
         else:
-            alike[:] = False
+            eights[:] = 0
         x = 0
         while x < columns:
-            start = x
-            while alike[x]:
-                x += 1
+            start, x = x, end_of_run(x, alike, eights)
             if x > start:
                 run = slice(2 * start, 2 * x + 1)
                 _along(across[one, run], across[two, run], blur, least, coarse_east[y, start:x])

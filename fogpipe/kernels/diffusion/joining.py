@@ -9,6 +9,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from fogpipe.kernels.diffusion.rows import flags, next_flag
+
 _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
@@ -19,7 +21,7 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
     rows, columns = rate.shape if pixels else mass.shape
     upper, lower = np.zeros(width, mass.dtype), np.zeros(width, mass.dtype)  # no mass behind the last column
     above, ours, beneath = np.zeros(width, np.uint8), np.zeros(width, np.uint8), np.zeros(width, np.uint8)
-    mixed = np.zeros(joined.shape[1], np.bool_)
+    mixed, eights = flags(joined.shape[1])
     level = rate, mass, east, south, clip
     upper[:columns] = lower[:columns] = 1
     if first > 0:
@@ -35,9 +37,8 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
             _load_masses(2 * y, rate, mass, upper)
             _load_masses(2 * y + 1, rate, mass, lower)
             _join_all_or_none(upper, lower, *faces, least, *found)
-        for x in range(joined.shape[1]):
-            if not mixed[x]:
-                continue
+        x = next_flag(0, mixed, eights)
+        while x < joined.shape[1]:
             left, right = 2 * x, 2 * x + 1
             m0, m1, m2, m3 = upper[left], upper[right], lower[left], lower[right]
             a, b, c, d = ours[left], ours[right], beneath[left], beneath[right]
@@ -64,6 +65,7 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
                     best, most = part, total
                 able &= ~part
             joined[y, x], alone[y, x], coarse_mass[y, x] = best, there & ~best, most
+            x = next_flag(x + 1, mixed, eights)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -123,7 +125,7 @@ def _join_pixels(above, ours, beneath, joined, alone, coarse_mass, mixed):
         mixed[x] = (touched > none) & ~every
         joined[x], alone[x] = (all_four if every else none), (none if every else all_four)
         coarse_mass[x] = coarse_mass.dtype.type(4) if every else coarse_mass.dtype.type(0)
-    joined[0], mixed[0], mixed[-1] = none, True, True  # these have no cells to their west, or maybe to their east
+    joined[0], mixed[0], mixed[len(joined) - 1] = none, 1, 1  # these have no cells to their west, or maybe to their east
 
 
 @numba.njit(nogil=True, cache=True)

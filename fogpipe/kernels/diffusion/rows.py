@@ -5,13 +5,42 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+_ALL = np.uint64(0x0101010101010101)
 _ZERO, _ONE, _TWO, _THREE, _FOUR = (np.uintp(number) for number in range(5))
 
 
 @numba.njit(nogil=True, cache=True)
-def four_rows(width, like):
-    """Room for four rows, of which row y is in place y % 4. Cells behind the last column have no mass."""
-    return np.zeros((4, width), like.dtype)
+def four_rows(width, rate, mass):
+    """Room for masses and conductances of four rows, of which row y is in place y % 4.
+
+    Pixels have their mass of 1 already, and cells behind the last column have none.
+    """
+    masses = np.zeros((4, width), mass.dtype)
+    masses[:, : rate.shape[1]] = 1
+    return masses, np.zeros_like(masses), np.zeros_like(masses)
+
+
+@numba.njit(nogil=True, cache=True)
+def flags(count):
+    """So many flags and one that stays off, and the same memory as eight of them in one number."""
+    eights = np.zeros(count // 8 + 1, np.uint64)
+    return eights.view(np.uint8), eights
+
+
+@numba.njit(nogil=True, cache=True)
+def end_of_run(x, flags, eights):
+    """The next place from x on whose flag is off."""
+    while flags[x]:
+        x += 8 if x % 8 == 0 and eights[x // 8] == _ALL else 1
+    return x
+
+
+@numba.njit(nogil=True, cache=True)
+def next_flag(x, flags, eights):
+    """The next place from x on whose flag is on, or one behind the last."""
+    while x < len(flags) and not flags[x]:
+        x += 8 if x % 8 == 0 and eights[x // 8] == 0 else 1
+    return x
 
 
 @numba.njit(nogil=True, cache=True)
@@ -22,7 +51,7 @@ def load_row(y, rate, mass, east, south, masses, across, down):
     if y >= rows:
         here[:], across[:], down[:] = 0, 0, 0
     elif rate.size:
-        _load_pixels(rate[y], rate[min(y + 1, rows - 1)], here, across, down)
+        _load_pixels(rate[y], rate[min(y + 1, rows - 1)], across, down)
         if y == rows - 1:
             down[:] = 0
     else:
@@ -30,11 +59,11 @@ def load_row(y, rate, mass, east, south, masses, across, down):
 
 
 @numba.njit(nogil=True, cache=True)
-def _load_pixels(rate, below, here, across, down):
-    one, half, last = here.dtype.type(1), here.dtype.type(0.5), np.uintp(len(rate) - 1)
+def _load_pixels(rate, below, across, down):
+    half, last = rate.dtype.type(0.5), np.uintp(len(rate) - 1)
     for x in range(last):
-        here[x], across[x], down[x] = one, half * (rate[x] + rate[x + _ONE]), half * (rate[x] + below[x])
-    here[last], down[last] = one, half * (rate[last] + below[last])
+        across[x], down[x] = half * (rate[x] + rate[x + _ONE]), half * (rate[x] + below[x])
+    down[last] = half * (rate[last] + below[last])
 
 
 @numba.njit(nogil=True, cache=True)

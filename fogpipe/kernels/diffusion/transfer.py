@@ -13,6 +13,7 @@ from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.coarsening import WEAK
 from fogpipe.kernels.diffusion.grid import Level
 from fogpipe.kernels.diffusion.partition import Partition
+from fogpipe.kernels.diffusion.rows import end_of_run, flags
 from fogpipe.kernels.diffusion.tiles import in_rows
 
 _ONE, _FOUR, _EIGHT = np.uintp(1), np.uintp(4), np.uintp(8)
@@ -61,12 +62,13 @@ def spread(
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _average(first, last, values, mass, joined, whole, full, coarse):
+    alike, eights = flags(joined.shape[1])
     for y in range(first, last):
+        for x in range(np.uintp(joined.shape[1])):
+            alike[x] = whole[y, x] == full
         x = 0
         while x < joined.shape[1]:
-            start = x
-            while x < joined.shape[1] and whole[y, x] == full:
-                x += 1
+            start, x = x, end_of_run(x, alike, eights)
             if x > start:
                 _mean_of_four(values[2 * y, 8 * start :], values[2 * y + 1, 8 * start :], coarse[y, 4 * start : 4 * x])
                 continue
@@ -111,18 +113,16 @@ def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, 
     The cell beyond gives as much as it takes, so the mean is kept. Level upon level this makes a smooth surface.
     """
     rows, columns = joined.shape
-    quarter, smooth = mass.dtype.type(0.25), np.zeros(columns, np.bool_)
+    quarter, (smooth, eights) = mass.dtype.type(0.25), flags(columns)
     for y in range(first, last):
         n, s = max(y - 1, 0), min(y + 1, rows - 1)
         if 0 < y < rows - 1:
             _open_around(whole[n], whole[y], whole[s], full, south[n], east[y], south[y], weakest, smooth)
         else:
-            smooth[:] = False
+            eights[:] = 0
         x = 0
         while x < columns:
-            start = x
-            while smooth[x]:
-                x += 1
+            start, x = x, end_of_run(x, smooth, eights)
             if x > start:
                 run = slice(4 * start, 4 * x)
                 above, ours, beneath = coarse[n, run], coarse[y, 4 * start - 4 :], coarse[s, run]
