@@ -54,7 +54,7 @@ def _near(joined: np.ndarray, reach: int, degree: int) -> np.ndarray:
     import cv2
 
     with_cells = np.empty([-(-count * 2 // SQUARE) for count in joined.shape], np.uint8)
-    in_bands(_with_cells, with_cells.shape[0], joined.shape[1] * SQUARE, joined, with_cells)
+    _with_cells(joined, with_cells)
     squares = -(-reach // SQUARE)
     rim = min(-(-degree // SQUARE), RIM)
     inner, outer = (cv2.dilate(with_cells, np.ones((2 * r + 1, 2 * r + 1), np.uint8)) for r in (squares, squares + rim))
@@ -76,7 +76,7 @@ def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
     It begins with b(m) = c(m) F and ends with c(0) F + X b(1) − b(2).
     """
     leaving = np.empty_like(cells.mass)
-    in_bands(_leaving, len(leaving), 4, cells.weights, cells.starts[1], cells.first, cells.rates, leaving)
+    in_bands(_leaving, len(leaving), 1, cells.weights, cells.starts[1], cells.first, cells.rates, leaving)
     spectrum = quantised(2 * float(leaving.max(initial=0)))
     if spectrum == 0:
         return held
@@ -88,7 +88,7 @@ def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
         twice = of_now * (2 if k else 1)
         factors = real(series[k]), real(twice), real(twice * 2 / spectrum), real(of_older)
         after = np.empty_like(held) if older is held else older
-        in_bands(_step, len(leaving), 4, *links, held, now, older, *factors, after)
+        in_bands(_step, len(leaving), 1, *links, held, now, older, *factors, after)
         now, of_now, older, of_older = after, 1.0, now, of_now
     return now
 
@@ -97,10 +97,10 @@ _ONE, _TWO, _FOUR = np.uintp(1), np.uintp(2), np.uintp(4)
 
 
 @numba.njit(nogil=True, cache=True)
-def _with_cells(first, last, joined, with_cells):
+def _with_cells(joined, with_cells):
     """1 for the squares of four by four pixels in which some are joined."""
     rows, columns = joined.shape
-    for square in range(first, last):
+    for square in range(len(with_cells)):
         upper, lower, found = joined[2 * square], joined[min(2 * square + 1, rows - 1)], with_cells[square]
         for x in range(np.uintp(columns // 2)):
             left, right = _TWO * x, _TWO * x + _ONE

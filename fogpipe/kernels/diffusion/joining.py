@@ -125,7 +125,7 @@ def _join_pixels(above, ours, beneath, joined, alone, coarse_mass, mixed):
         mixed[x] = (touched > none) & ~every
         joined[x], alone[x] = (all_four if every else none), (none if every else all_four)
         coarse_mass[x] = coarse_mass.dtype.type(4) if every else coarse_mass.dtype.type(0)
-    joined[0], mixed[0], mixed[len(joined) - 1] = none, 1, 1  # these have no cells to their west, or maybe to their east
+    joined[0], mixed[0], mixed[len(joined) - 1] = none, 1, 1  # no cells to the west, or maybe to the east
 
 
 @numba.njit(nogil=True, cache=True)

@@ -52,9 +52,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
     alone = [_pixels(levels[0].alone, near), *(level.alone for level in levels[1:])]
     starts, rows = [0], []  # of each level, and in it of each two rows
     for own in alone:
-        counts = np.zeros(len(own) + 1, np.int64)
-        in_bands(_count, *own.shape, own, counts[1:])
-        rows.append(starts[-1] + np.cumsum(counts))
+        rows.append(_counted(own, starts[-1]))
         starts.append(int(rows[-1][-1]))
     count, dtype = starts[-1], levels[0].rate.dtype
     places, mass = np.empty(count, np.int32), np.empty(count, dtype)
@@ -76,7 +74,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
 def _pixels(alone: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Of two by two pixels, those that are cells by themselves in squares that are near."""
     found = np.empty_like(alone)
-    in_bands(_select, *alone.shape, alone, near, found)
+    _select(alone, near, found)
     return found
 
 
@@ -84,9 +82,9 @@ _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
 @numba.njit(nogil=True, cache=True)
-def _select(first, last, alone, near, found):
+def _select(alone, near, found):
     none = np.uint8(0)
-    for y in range(first, last):
+    for y in range(len(alone)):
         row, own, squares = found[y], alone[y], near[y // 2]
         for n in range(np.uintp(len(own) // 2)):
             left, right = _TWO * n, _TWO * n + _ONE
@@ -97,13 +95,17 @@ def _select(first, last, alone, near, found):
 
 
 @numba.njit(nogil=True, cache=True)
-def _count(first, last, alone, counts):
-    for y in range(first, last):
+def _counted(alone, start):
+    """Number of the first cell of each two rows, and of all."""
+    starts = np.empty(len(alone) + 1, np.int64)
+    starts[0] = start
+    for y in range(len(alone)):
         count = np.uint32(0)
         for x in range(np.uintp(alone.shape[1])):
             own = alone[y, x]
             count += (own & 1) + (own >> 1 & 1) + (own >> 2 & 1) + (own >> 3)
-        counts[y] = count
+        starts[y + 1] = starts[y] + count
+    return starts
 
 
 @numba.njit(nogil=True, cache=True)
