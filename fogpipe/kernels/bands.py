@@ -55,16 +55,26 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
     try:
         work()
     finally:
-        for future in pending:
+        # A thread that is still busy elsewhere, or asleep, is not waited for.
+        begun = [future for future in pending if not future.cancel()]
+        for future in begun:
             future.exception()
-    for future in pending:
+    for future in begun:
         future.result()
+
+
+def meanwhile(function: Callable[..., None], *arguments: Any) -> Callable[[], None]:
+    """Call a function while the caller goes on; what is returned waits for its end. At once if there is one thread."""
+    if _threads == 1:
+        function(*arguments)
+        return lambda: None
+    return _submit(function, *arguments).result
 
 
 def _submit(function: Callable[..., None], *arguments: Any) -> Any:
     global _pool
     if _pool is None:
-        _pool = ThreadPoolExecutor(max(1, _threads), thread_name_prefix="fogpipe-band")
+        _pool = ThreadPoolExecutor(max(1, _threads - 1), thread_name_prefix="fogpipe-band")
     return _pool.submit(function, *arguments)
 
 

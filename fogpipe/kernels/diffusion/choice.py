@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray, floats, require_maps
-from fogpipe.kernels.bands import in_bands
+from fogpipe.kernels.bands import in_bands, meanwhile
 from fogpipe.kernels.diffusion.adaptive import CAP, adaptive
 from fogpipe.kernels.diffusion.grid import rates, rates_of_row
 from fogpipe.kernels.diffusion.polynomial import degree_for
@@ -78,7 +78,7 @@ def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) 
     if rate[part].size == rate.size:
         return follow(choose(layer, rate, largest, tolerance), layer, rate)
     after = np.empty_like(layer)
-    _keep(layer, after, *part)
+    kept = meanwhile(_keep, layer, after, *part)
     if rate[part].size:
         (inside,), wanted = floats(layer[part]), np.ascontiguousarray(rate[part])
         plan, target = choose(inside, wanted, largest, tolerance), after[part]
@@ -86,6 +86,7 @@ def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) 
             follow(plan, inside, wanted, target)
         else:
             target[...] = follow(plan, inside, wanted)
+    kept()
     return after
 
 
@@ -144,12 +145,7 @@ def _keep(layer: FloatArray, after: FloatArray, down: slice, across: slice) -> N
     above, below = (slice(0, down.start), slice(None)), (slice(down.stop, None), slice(None))
     left, right = (down, slice(0, across.start)), (down, slice(across.stop, None))
     for part in (above, below, left, right):
-        if after[part].size:
-            in_bands(_copy, *after[part].shape[:2], layer[part], after[part])
-
-
-def _copy(first: int, last: int, layer: FloatArray, after: FloatArray) -> None:
-    after[first:last] = layer[first:last]
+        after[part] = layer[part]
 
 
 def _surveyed(scale: FloatArray, finest: float) -> tuple[FloatArray, float, tuple[slice, slice]]:
