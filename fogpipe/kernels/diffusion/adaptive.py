@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
-from fogpipe.kernels.bands import in_bands
+from fogpipe.kernels.bands import in_bands, meanwhile
 from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.grid import hierarchy
 from fogpipe.kernels.diffusion.partition import Partition, partition
@@ -37,10 +37,12 @@ def adaptive(
     if len(levels) == 1:
         return on_grid(layer, rate, float(rate.max()), share, after=after)
     near = _near(levels[0].joined, degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share))
-    after = on_grid(layer, rate, _calm(rate, near, clip, share), share, near < 2, after)
+    after = np.empty_like(layer) if after is None else after
+    stepped = meanwhile(on_grid, layer, rate, _calm(rate, near, clip, share), share, near < 2, after)
     cells = partition(levels, near, CAP * clip)
     values = averaged(layer, levels)
     held = _evened(collected(values, cells), cells, share)
+    stepped()
     spread(held, cells, levels, values, after, clip)
     return after
 
