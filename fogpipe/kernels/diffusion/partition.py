@@ -15,6 +15,7 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.grid import Level
+from fogpipe.kernels.diffusion.rows import flags, next_flag
 
 
 class Partition(NamedTuple):
@@ -111,14 +112,15 @@ def _counted(alone, start):
 @numba.njit(nogil=True, cache=True)
 def _number(first, last, mass, joined, alone, near, starts, coarse, numbers, places, masses):
     """Cells by themselves, two by two of them after the others in two rows. Parts of a coarser one have its number."""
-    rows, columns = numbers.shape
-    one = masses.dtype.type(1)
+    columns, one = numbers.shape[1], masses.dtype.type(1)
+    beside, eights = flags(alone.shape[1])
     for y in range(first, last):
-        for j in range(2 * y, min(2 * y + 2, rows)):
-            if coarse.size:
-                _inherit(joined[y], np.uint8(j & 1) << np.uint8(1), coarse[y], numbers[j])
-            else:
-                numbers[j] = -1
+        if near.size:
+            # No finer cell asks for the numbers of pixels, only those beside them.
+            _beside(y, alone, beside)
+            _inherit_some(2 * y, joined[y], coarse, beside, eights, numbers)
+        else:
+            _inherit(2 * y, joined[y], coarse, numbers)
         number = starts[y]
         for x in range(alone.shape[1]):
             single = alone[y, x]
@@ -136,15 +138,46 @@ def _number(first, last, mass, joined, alone, near, starts, coarse, numbers, pla
 
 
 @numba.njit(nogil=True, cache=True)
-def _inherit(joined, shift, coarse, numbers):
-    """Of a row of cells, the numbers of the coarser ones that they are part of; −1 for those of none."""
-    one, two, none = np.uint8(1), np.uint8(2), np.int32(-1)
-    for x in range(np.uintp(len(numbers) // 2)):
-        part = joined[x] >> shift
-        numbers[_TWO * x] = coarse[x] if part & one else none
-        numbers[_TWO * x + _ONE] = coarse[x] if part & two else none
-    if len(numbers) % 2:
-        numbers[-1] = coarse[-1] if joined[-1] >> shift & one else none
+def _beside(y, alone, beside):
+    """Which two by two cells of a row have some by themselves among them or next to them."""
+    columns = np.uintp(alone.shape[1])
+    above, ours, below = alone[max(y - 1, 0)], alone[y], alone[min(y + 1, len(alone) - 1)]
+    for x in range(columns):
+        beside[x] = (above[x] | ours[x] | below[x]) > 0
+    for x in range(_ONE, columns):
+        beside[x - _ONE] |= ours[x] > 0
+    for x in range(_ONE, columns):
+        beside[x] |= ours[x - _ONE] > 0
+
+
+@numba.njit(nogil=True, cache=True)
+def _inherit_some(top, joined, coarse, some, eights, numbers):
+    rows, columns = numbers.shape
+    x = next_flag(0, some, eights)
+    while x < len(joined):
+        for k in range(4):
+            j, i = top + (k >> 1), 2 * x + (k & 1)
+            if j < rows and i < columns:
+                numbers[j, i] = coarse[top // 2, x] if joined[x] >> k & 1 else -1
+        x = next_flag(x + 1, some, eights)
+
+
+@numba.njit(nogil=True, cache=True)
+def _inherit(top, joined, coarse, numbers):
+    """Of two rows of cells, the numbers of the coarser ones that they are part of; −1 for those of none."""
+    one, none = np.uint8(1), np.int32(-1)
+    for j in range(top, min(top + 2, len(numbers))):
+        row, shift = numbers[j], np.uint8(2 * (j - top))
+        if coarse.size == 0:
+            row[:] = none
+            continue
+        above = coarse[top // 2]
+        for x in range(np.uintp(len(row) // 2)):
+            part = joined[x] >> shift
+            row[_TWO * x] = above[x] if part & one else none
+            row[_TWO * x + _ONE] = above[x] if part >> one & one else none
+        if len(row) % 2:
+            row[-1] = above[-1] if joined[-1] >> shift & one else none
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
