@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fogpipe.kernels.diffusion.rows import end_of_run, flags, four_rows, load_row
+from fogpipe.kernels.diffusion.rows import end_of_run, flags, four_rows, load_row, next_flag
 
 WEAK = 0.1
 """A face inside a cell that is this much weaker than the one beside it has a way round it."""
@@ -23,7 +23,7 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
     width = 2 * columns + 2
     masses, across, down = four_rows(width, rate, mass)
     level = rate, mass, east, south
-    (alike, eights), zero = flags(columns), mass.dtype.type(0)
+    (alike, alike_eights), (others, eights), zero = flags(columns), flags(columns), mass.dtype.type(0)
     for row in range(2 * first, 2 * first + 2):
         load_row(row, *level, masses, across, down)
     for y in range(first, last):
@@ -31,22 +31,18 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
             load_row(row, *level, masses, across, down)
         one, three = 2 * y & 3, 2 * y + 2 & 3
         two, four = one + 1, three + 1
-        if y + 1 < rows:
-            _alike(whole[y], whole[y + 1], full, alike)
-        else:
-            eights[:] = 0
-        x = 0
+        _sort(whole[y], whole[min(y + 1, rows - 1)], full if y + 1 < rows else -full, alike, others)
+        coarse_east[y], coarse_south[y] = 0, 0
+        x = next_flag(0, alike, alike_eights)
         while x < columns:
-            start, x = x, end_of_run(x, alike, eights)
-            if x > start:
-                run = slice(2 * start, 2 * x + 1)
-                _along(across[one, run], across[two, run], blur, least, coarse_east[y, start:x])
-                _down(down[one, run], down[two, run], down[three, run], blur, least, coarse_south[y, start:x])
-                continue
+            end = end_of_run(x, alike, alike_eights)
+            run = slice(2 * x, 2 * end + 1)
+            _along(across[one, run], across[two, run], blur, least, coarse_east[y, x:end])
+            _down(down[one, run], down[two, run], down[three, run], blur, least, coarse_south[y, x:end])
+            x = next_flag(end, alike, alike_eights)
+        x = next_flag(0, others, eights)
+        while x < columns:
             i, part = 2 * x, joined[y, x]
-            if part == 0:
-                coarse_east[y, x], coarse_south[y, x], x = zero, zero, x + 1
-                continue
             beside = joined[y, x + 1] if x + 1 < columns else np.uint8(0)
             below = joined[y + 1, x] if y + 1 < rows else np.uint8(0)
             a, b = masses[one, i] if part & 1 else zero, masses[one, i + 1] if part & 2 else zero
@@ -69,14 +65,17 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
                 far, i = masses[four, i + 1] if below & 8 else zero, i + 1
                 flow += _in_series(b, d, masses[three, i], far, (down[one, i], down[two, i], down[three, i]))
             coarse_south[y, x] = max(flow - blur, least * flow)
-            x += 1
+            x = next_flag(x + 1, others, eights)
 
 
 @numba.njit(nogil=True, cache=True)
-def _alike(ours, beneath, full, alike):
-    """Whether a cell and those to its east and south are whole; not so in the last column."""
-    for x in range(np.uintp(len(ours) - 1)):
-        alike[x] = (ours[x] == full) & (ours[x + _ONE] == full) & (beneath[x] == full)
+def _sort(ours, beneath, full, alike, others):
+    """Cells that are whole as those to the east and south are, none in the last column; and the other joined ones."""
+    last = np.uintp(len(ours) - 1)
+    for x in range(last):
+        every = (ours[x] == full) & (ours[x + _ONE] == full) & (beneath[x] == full)
+        alike[x], others[x] = every, (ours[x] > 0) ^ every
+    others[last] = ours[last] > 0
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")

@@ -13,7 +13,7 @@ from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.coarsening import WEAK
 from fogpipe.kernels.diffusion.grid import Level
 from fogpipe.kernels.diffusion.partition import Partition
-from fogpipe.kernels.diffusion.rows import end_of_run, flags
+from fogpipe.kernels.diffusion.rows import end_of_run, flags, next_flag
 from fogpipe.kernels.diffusion.tiles import in_rows
 
 _ONE, _FOUR, _EIGHT = np.uintp(1), np.uintp(4), np.uintp(8)
@@ -62,25 +62,27 @@ def spread(
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _average(first, last, values, mass, joined, whole, full, coarse):
-    alike, eights = flags(joined.shape[1])
+    columns = joined.shape[1]
+    (alike, alike_eights), (others, eights) = flags(columns), flags(columns)
     for y in range(first, last):
-        for x in range(np.uintp(joined.shape[1])):
+        for x in range(np.uintp(columns)):
             alike[x] = whole[y, x] == full
-        x = 0
-        while x < joined.shape[1]:
-            start, x = x, end_of_run(x, alike, eights)
-            if x > start:
-                _mean_of_four(values[2 * y, 8 * start :], values[2 * y + 1, 8 * start :], coarse[y, 4 * start : 4 * x])
-                continue
+            others[x] = (joined[y, x] > 0) & (whole[y, x] != full)
+        x = next_flag(0, alike, alike_eights)
+        while x < columns:
+            end = end_of_run(x, alike, alike_eights)
+            _mean_of_four(values[2 * y, 8 * x :], values[2 * y + 1, 8 * x :], coarse[y, 4 * x : 4 * end])
+            x = next_flag(end, alike, alike_eights)
+        x = next_flag(0, others, eights)
+        while x < columns:
             own = np.uintp(4 * x)
-            if joined[y, x]:
-                coarse[y, 4 * x : 4 * x + 4] = 0
+            coarse[y, 4 * x : 4 * x + 4] = 0
             for k in range(4):
                 if joined[y, x] >> k & 1:
                     row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
                     share = _mass(mass, row, column) / whole[y, x]
                     store(coarse[y], own, load(coarse[y], own) + share * load(values[row], np.uintp(4 * column)))
-            x += 1
+            x = next_flag(x + 1, others, eights)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -113,24 +115,25 @@ def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, 
     The cell beyond gives as much as it takes, so the mean is kept. Level upon level this makes a smooth surface.
     """
     rows, columns = joined.shape
-    quarter, (smooth, eights) = mass.dtype.type(0.25), flags(columns)
+    (smooth, smooth_eights), (others, eights) = flags(columns), flags(columns)
+    quarter = mass.dtype.type(0.25)
     for y in range(first, last):
         n, s = max(y - 1, 0), min(y + 1, rows - 1)
         if 0 < y < rows - 1:
             _open_around(whole[n], whole[y], whole[s], full, south[n], east[y], south[y], weakest, smooth)
         else:
-            eights[:] = 0
-        x = 0
+            smooth_eights[:] = 0
+        for x in range(np.uintp(columns)):
+            others[x] = (joined[y, x] > 0) & (smooth[x] == 0)
+        x = next_flag(0, smooth, smooth_eights)
         while x < columns:
-            start, x = x, end_of_run(x, smooth, eights)
-            if x > start:
-                run = slice(4 * start, 4 * x)
-                above, ours, beneath = coarse[n, run], coarse[y, 4 * start - 4 :], coarse[s, run]
-                _fill_four(above, ours, beneath, values[2 * y, 8 * start :], values[2 * y + 1, 8 * start :])
-                continue
-            if joined[y, x] == 0:
-                x += 1
-                continue
+            end = end_of_run(x, smooth, smooth_eights)
+            run = slice(4 * x, 4 * end)
+            above, ours, beneath = coarse[n, run], coarse[y, 4 * x - 4 :], coarse[s, run]
+            _fill_four(above, ours, beneath, values[2 * y, 8 * x :], values[2 * y + 1, 8 * x :])
+            x = next_flag(end, smooth, smooth_eights)
+        x = next_flag(0, others, eights)
+        while x < columns:
             part, m, w, e = joined[y, x], whole[y, x], max(x - 1, 0), min(x + 1, columns - 1)
             # Which of the cells beyond may give: those at the same height, or above and below, if the way is open.
             to_west = joined[y, w] & 10 if x and east[y, w] > weakest * min(m, whole[y, w]) else 0
@@ -150,7 +153,7 @@ def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, 
                         share = quarter * min(own, _mass(mass, row + 2 * lower - 1, column)) / own
                         value = value + share * (load(coarse[s if lower else n], np.uintp(4 * x)) - here)
                     store(values[row], np.uintp(4 * column), value)
-            x += 1
+            x = next_flag(x + 1, others, eights)
 
 
 @numba.njit(nogil=True, cache=True)
