@@ -38,7 +38,10 @@ def adaptive(
         return on_grid(layer, rate, float(rate.max()), share, after=after)
     near = _near(levels[0].joined, degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share))
     after = np.empty_like(layer) if after is None else after
-    stepped = meanwhile(on_grid, layer, rate, _calm(rate, near, clip, share), share, near < 2, after)
+    calm = _calm(rate, near, clip, share)
+    stepped = meanwhile(on_grid, layer, rate, calm, share, near < 2, after)
+    if degree_for(quantised(8 * calm), share) > LARGEST_FACTOR:
+        stepped()  # several passes take another layer, whose memory is free before cells need some
     cells = partition(levels, near, CAP * clip)
     values = averaged(layer, levels)
     held = _evened(collected(values, cells), cells, share)
