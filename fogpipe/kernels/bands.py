@@ -63,7 +63,7 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
         future.result()
 
 
-def meanwhile(function: Callable[..., None], *arguments: Any) -> Callable[[], None]:
+def meanwhile(function: Callable[..., object], *arguments: Any) -> Callable[[], None]:
     """Call a function while the caller goes on; what is returned waits for its end. At once if there is one thread."""
     if _threads == 1:
         function(*arguments)
@@ -71,7 +71,7 @@ def meanwhile(function: Callable[..., None], *arguments: Any) -> Callable[[], No
     return _submit(function, *arguments).result
 
 
-def _submit(function: Callable[..., None], *arguments: Any) -> Any:
+def _submit(function: Callable[..., object], *arguments: Any) -> Any:
     global _pool
     if _pool is None:
         _pool = ThreadPoolExecutor(max(1, _threads - 1), thread_name_prefix="fogpipe-band")
