@@ -19,7 +19,7 @@ from fogpipe.kernels.diffusion.adaptive import CAP, adaptive
 from fogpipe.kernels.diffusion.grid import rates, rates_of_row
 from fogpipe.kernels.diffusion.polynomial import degree_for
 from fogpipe.kernels.diffusion.published import prepared
-from fogpipe.kernels.diffusion.rows import count_above, largest_of
+from fogpipe.kernels.diffusion.rows import as_integers, count_above, largest_of
 from fogpipe.kernels.diffusion.tiles import in_rows, on_grid
 
 MISSED = {1.0: 0.047, 2.0: 0.035, 4.0: 0.026, 8.0: 0.0165, 16.0: 0.0125, 32.0: 0.0118}
@@ -156,7 +156,8 @@ def _surveyed(scale: FloatArray, finest: float) -> tuple[FloatArray, float, tupl
     rows, columns = scale.shape
     rate, largest = np.empty_like(scale), np.empty(rows, scale.dtype)
     first, last = np.empty(rows, np.int64), np.empty(rows, np.int64)
-    in_bands(_survey, rows, columns, scale, scale.dtype.type(finest), rate, largest, first, last)
+    found = rate, as_integers(rate), as_integers(largest), first, last
+    in_bands(_survey, rows, columns, scale, scale.dtype.type(finest), *found)
     blurred = np.flatnonzero(last)
     if not blurred.size:
         return rate, 0.0, (slice(0, 0), slice(0, 0))
@@ -256,14 +257,14 @@ def _cells(rate, apart, clip, reach):
 
 
 @numba.njit(nogil=True, cache=True)
-def _survey(begin, end, scale, finest, rate, largest, first, last):
+def _survey(begin, end, scale, finest, rate, bits, largest, first, last):
     """Rates of rows that are blurred, the largest in each, the first column that is and the one after the last."""
     columns = scale.shape[1]
     for y in range(begin, end):
         row, largest[y], first[y], last[y] = rate[y], 0, columns, 0
         if count_above(scale[y], finest):
             rates_of_row(scale[y], finest, row)
-            largest[y] = largest_of(row)
+            largest[y] = largest_of(bits[y])
         if largest[y] > 0:
             left, right = 0, columns
             while not row[left] > 0:

@@ -16,7 +16,7 @@ from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.channels import SPLIT, fetch, split
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, passes, quantised
-from fogpipe.kernels.diffusion.rows import largest_of
+from fogpipe.kernels.diffusion.rows import as_integers, largest_of
 
 COLUMNS = 256
 """Of a tile with its margins."""
@@ -64,7 +64,8 @@ def on_grid(
         height, width = LEAST_ROWS + 2 * margin, COLUMNS - 2 * margin
         # Those that follow take what they need from beyond the squares that are wanted.
         where = _around(wanted, sum(len(each) - 1 for each in factors[number + 1 :]))
-        arguments = (height, width, in_rows(layer), rate, where, spectra, series)
+        limits = as_integers(spectra / 8)
+        arguments = (height, width, in_rows(layer), rate, as_integers(rate), where, spectra, limits, series)
         in_bands(_tiles, -(-rows // height), height * columns, *arguments, in_rows(after))
         layer = after
     return layer
@@ -111,10 +112,10 @@ _WIDTH = int(_CHANNEL)
 
 
 @numba.njit(nogil=True, cache=True)
-def _tiles(first, last, height, width, layer, rate, wanted, spectra, series, after):
+def _tiles(first, last, height, width, layer, rate, bits, wanted, spectra, limits, series, after):
     rows, columns = rate.shape
     margin = series.shape[1] - 1
-    zero, eight = layer.dtype.type(0), layer.dtype.type(8)
+    zero = layer.dtype.type(0)
     # One row more on each side, of conductance 0, so that every cell of a tile has four neighbours.
     tall = min(height + 2 * margin, rows) + 2
     size = tall * _WIDTH
@@ -130,13 +131,13 @@ def _tiles(first, last, height, width, layer, rate, wanted, spectra, series, aft
                 continue
             y0, y1 = max(top - margin, 0), min(bottom + margin, rows)
             x0, x1 = max(left - margin, 0), min(right + margin, columns)
-            most = min(eight * _largest(y0, y1, x0, x1, rate), spectra[-1])
-            if most <= zero:
+            most = min(_largest(y0, y1, x0, x1, bits), limits[-1])
+            if most == 0:
                 for y in range(top, bottom):
                     _copy(layer[y, 4 * left : 4 * right], after[y, 4 * left : 4 * right])
                 continue
             kind = 0
-            while spectra[kind] < most:
+            while limits[kind] < most:
                 kind += 1
             _load_rates(y0, y1, x0, x1, rate, spectra[kind], *grid)
             _load_layer(y0, y1, x0, x1, layer, values)
@@ -195,10 +196,10 @@ def _range(j0, j1, i0, i1):
 
 
 @numba.njit(nogil=True, cache=True)
-def _largest(y0, y1, x0, x1, rate):
-    most = rate.dtype.type(0)
+def _largest(y0, y1, x0, x1, bits):
+    most = bits.dtype.type(0)
     for y in range(y0, y1):
-        most = max(most, largest_of(rate[y, x0:x1]))
+        most = max(most, largest_of(bits[y, x0:x1]))
     return most
 
 
