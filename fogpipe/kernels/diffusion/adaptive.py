@@ -80,9 +80,7 @@ def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
 
     It begins with b(m) = c(m) F and ends with c(0) F + X b(1) − b(2).
     """
-    leaving = np.empty_like(cells.mass)
-    in_bands(_leaving, len(leaving), 1, cells.weights, cells.starts[1], cells.first, cells.rates, leaving)
-    spectrum = quantised(2 * float(leaving.max(initial=0)))
+    spectrum = quantised(2 * float(cells.leaving.max(initial=0)))
     if spectrum == 0:
         return held
     real, links = held.dtype.type, (cells.neighbours.ravel(), cells.weights.ravel())
@@ -93,7 +91,7 @@ def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
         twice = of_now * (2 if k else 1)
         factors = real(series[k]), real(twice), real(twice * 2 / spectrum), real(of_older)
         after = np.empty_like(held) if older is held else older
-        in_bands(_step, len(leaving), 1, *links, held, now, older, *factors, after)
+        in_bands(_step, len(cells.mass), 1, *links, held, now, older, *factors, after)
         now, of_now, older, of_older = after, 1.0, now, of_now
     return now
 
@@ -112,17 +110,6 @@ def _with_cells(joined, with_cells):
             found[x] = (upper[left] | upper[right] | lower[left] | lower[right]) > 0
         if columns % 2:
             found[-1] = (upper[-1] | lower[-1]) > 0
-
-
-@numba.njit(nogil=True, cache=True)
-def _leaving(lowest, highest, weights, start, first, rates, leaving):
-    """What leaves a cell in a unit of time, over what it holds: half of what the eigenvalues may be."""
-    for number in range(lowest, highest):
-        total = (weights[number, 0] + weights[number, 1]) + (weights[number, 2] + weights[number, 3])
-        if number >= start:
-            for link in range(first[number - start], first[number - start + 1]):
-                total += rates[link]
-        leaving[number] = total
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})

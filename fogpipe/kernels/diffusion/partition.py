@@ -28,6 +28,7 @@ class Partition(NamedTuple):
     mass : (N,) pixels in a cell.
     neighbours : (N, 4) to the west, east, north and south; the cell itself where there is none.
     weights : (N, 4) G/m of the links to them, 0 for none.
+    leaving : (N,) what leaves a cell in a unit of time, over what it holds: half of what eigenvalues may be.
     first, finer, rates : the links of cell ``starts[1] + k`` to finer ones are ``first[k]`` to ``first[k + 1]`` of
         ``finer``, their numbers, and ``rates``, G/m.
     """
@@ -37,6 +38,7 @@ class Partition(NamedTuple):
     mass: FloatArray
     neighbours: np.ndarray
     weights: FloatArray
+    leaving: FloatArray
     first: np.ndarray
     finer: np.ndarray
     rates: FloatArray
@@ -58,7 +60,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
     count, dtype = starts[-1], levels[0].rate.dtype
     places, mass = np.empty(count, np.int32), np.empty(count, dtype)
     neighbours, weights = np.empty((count, 4), np.uint32), np.empty((count, 4), dtype)
-    coarser = np.empty(count, np.uint8)
+    leaving, coarser = np.empty(count, dtype), np.empty(count, np.uint8)
     numbers = np.empty((0, 0), np.int32)
     for k in range(len(levels) - 1, -1, -1):
         level, own, rim = levels[k], alone[k], near[: len(near) if k == 0 else 0]
@@ -66,10 +68,10 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
         in_bands(_number, *own.shape, level.mass, level.joined, own, rim, rows[k], coarse, numbers, places, mass)
         # Coarser cells are done, and a link needs no more of finer ones than their links back.
         conductances, limits = (level.rate, level.east, level.south), (dtype.type(cap), starts[k + 1])
-        cells = places, mass, neighbours, weights, coarser
+        cells = places, mass, neighbours, weights, leaving, coarser
         in_bands(_links, *own.shape, *conductances, numbers, rows[k], *limits, *cells)
-    turned = _turned(coarser, neighbours, weights, mass, starts[1])
-    return Partition(starts, places, mass, neighbours, weights, *turned)
+    turned = _turned(coarser, neighbours, weights, mass, starts[1], leaving)
+    return Partition(starts, places, mass, neighbours, weights, leaving, *turned)
 
 
 def _pixels(alone: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -181,7 +183,9 @@ def _inherit(top, joined, coarse, numbers):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _links(first, last, rate, east, south, numbers, starts, cap, end, places, mass, neighbours, weights, coarser):
+def _links(
+    first, last, rate, east, south, numbers, starts, cap, end, places, mass, neighbours, weights, leaving, coarser
+):
     """The four of each cell, and which of them go to one from number ``end`` on: 1, 2, 4, 8."""
     rows, columns = np.uintp(numbers.shape[0]), np.uintp(numbers.shape[1])
     none, zero, cells = np.int32(-1), mass.dtype.type(0), (mass, neighbours, weights)
@@ -204,6 +208,8 @@ def _links(first, last, rate, east, south, numbers, starts, cap, end, places, ma
             found |= _link(number, 1, at_east, to_east, cap, end, *cells)
             found |= _link(number, 2, at_north, to_north, cap, end, *cells)
             coarser[number] = found | _link(number, 3, at_south, to_south, cap, end, *cells)
+            own = weights[number]
+            leaving[number] = (own[0] + own[1]) + (own[2] + own[3])
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -222,8 +228,8 @@ def _face(rate, conductance, y, x, j, i):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _turned(coarser, neighbours, weights, mass, start):
-    """The links to coarser cells, listed for those: see ``Partition``."""
+def _turned(coarser, neighbours, weights, mass, start, leaving):
+    """The links to coarser cells, listed for those: see ``Partition``. What leaves by them is added."""
     most, count = 4 * np.count_nonzero(coarser), 0
     links, others, flows = np.empty(most, np.uint32), np.empty(most, np.uint32), np.empty(most, mass.dtype)
     first = np.zeros(len(mass) - start + 1, np.int64)
@@ -241,5 +247,6 @@ def _turned(coarser, neighbours, weights, mass, start):
         other = others[link]
         k = place[other]
         finer[k], rates[k] = links[link], flows[link] / mass[start + other]
+        leaving[start + other] += rates[k]
         place[other] = k + 1
     return first, finer, rates
