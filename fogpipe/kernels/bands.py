@@ -9,8 +9,9 @@ same to the last bit.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 MIN_PIXELS_PER_BAND = 16_384
@@ -18,6 +19,8 @@ MIN_PIXELS_PER_BAND = 16_384
 
 _threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 _pool: ThreadPoolExecutor | None = None
+_idle = threading.Semaphore(_threads - 1)
+"""Threads of the pool that have nothing to do. Only these are asked, so nothing ever waits for a busy one."""
 
 
 def threads() -> int:
@@ -51,36 +54,45 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
         for first, last in bands:
             kernel(first, last, *arguments)
 
-    pending = [_submit(work) for _ in range(1, workers)]
+    pending = []
+    while len(pending) < workers - 1 and _idle.acquire(blocking=False):
+        pending.append(_submit(work))
     try:
         work()
     finally:
-        # A thread that is still busy elsewhere, or asleep, is not waited for.
-        begun = [future for future in pending if not future.cancel()]
-        for future in begun:
+        for future in pending:
             future.exception()
-    for future in begun:
+    for future in pending:
         future.result()
 
 
-def meanwhile(function: Callable[..., object], *arguments: Any) -> Callable[[], None]:
-    """Call a function while the caller goes on; what is returned waits for its end. At once if there is one thread."""
-    if _threads == 1:
-        function(*arguments)
-        return lambda: None
-    return _submit(function, *arguments).result
+def meanwhile(function: Callable[..., object], *arguments: Any) -> Callable[[], object]:
+    """Call a function while the caller goes on; what is returned waits for its end. At once if no thread is idle."""
+    if _idle.acquire(blocking=False):
+        return _submit(function, *arguments).result
+    function(*arguments)
+    return lambda: None
 
 
-def _submit(function: Callable[..., object], *arguments: Any) -> Any:
+def _submit(function: Callable[..., object], *arguments: Any) -> Future[None]:
+    """Have a thread call a function that is idle, and idle again when it is done."""
     global _pool
+    idle = _idle
+
+    def work() -> None:
+        try:
+            function(*arguments)
+        finally:
+            idle.release()
+
     if _pool is None:
         _pool = ThreadPoolExecutor(max(1, _threads - 1), thread_name_prefix="fogpipe-band")
-    return _pool.submit(function, *arguments)
+    return _pool.submit(work)
 
 
 def _forget_pool() -> None:
-    global _pool
-    _pool = None
+    global _pool, _idle
+    _pool, _idle = None, threading.Semaphore(_threads - 1)
 
 
 # A forked child inherits the pool object but none of its threads, and would wait for ever.
