@@ -9,9 +9,8 @@ same to the last bit.
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 MIN_PIXELS_PER_BAND = 16_384
@@ -19,8 +18,6 @@ MIN_PIXELS_PER_BAND = 16_384
 
 _threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 _pool: ThreadPoolExecutor | None = None
-_idle = threading.Semaphore(_threads - 1)
-"""Threads of the pool that have nothing to do. Only these are asked, so nothing ever waits for a busy one."""
 
 
 def threads() -> int:
@@ -54,45 +51,36 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
         for first, last in bands:
             kernel(first, last, *arguments)
 
-    pending = []
-    while len(pending) < workers - 1 and _idle.acquire(blocking=False):
-        pending.append(_submit(work))
+    pending = [_submit(work) for _ in range(1, workers)]
     try:
         work()
     finally:
-        for future in pending:
+        # A thread that is still busy elsewhere, or asleep, is not waited for.
+        begun = [future for future in pending if not future.cancel()]
+        for future in begun:
             future.exception()
-    for future in pending:
+    for future in begun:
         future.result()
 
 
-def meanwhile(function: Callable[..., object], *arguments: Any) -> Callable[[], object]:
-    """Call a function while the caller goes on; what is returned waits for its end. At once if no thread is idle."""
-    if _idle.acquire(blocking=False):
-        return _submit(function, *arguments).result
-    function(*arguments)
-    return lambda: None
+def meanwhile(function: Callable[..., object], *arguments: Any) -> Callable[[], None]:
+    """Call a function while the caller goes on; what is returned waits for its end. At once if there is one thread."""
+    if _threads == 1:
+        function(*arguments)
+        return lambda: None
+    return _submit(function, *arguments).result
 
 
-def _submit(function: Callable[..., object], *arguments: Any) -> Future[None]:
-    """Have a thread call a function that is idle, and idle again when it is done."""
+def _submit(function: Callable[..., object], *arguments: Any) -> Any:
     global _pool
-    idle = _idle
-
-    def work() -> None:
-        try:
-            function(*arguments)
-        finally:
-            idle.release()
-
     if _pool is None:
         _pool = ThreadPoolExecutor(max(1, _threads - 1), thread_name_prefix="fogpipe-band")
-    return _pool.submit(work)
+    return _pool.submit(function, *arguments)
 
 
 def _forget_pool() -> None:
-    global _pool, _idle
-    _pool, _idle = None, threading.Semaphore(_threads - 1)
+    global _pool
+    _pool = None
 
 
 # A forked child inherits the pool object but none of its threads, and would wait for ever.
