@@ -11,6 +11,7 @@ from fogpipe.kernels.diffusion import reference
 from fogpipe.kernels.diffusion.adaptive import adaptive
 from fogpipe.kernels.diffusion.grid import Level, hierarchy, rates
 from fogpipe.kernels.diffusion.partition import Partition, partition
+from fogpipe.kernels.diffusion.rows import as_integers, end_of_run, flags, largest_of, next_flag
 
 
 def cells_of(scale: np.ndarray, clip: float = 2.0, cap: float = 4.0) -> tuple[list[Level], Partition]:
@@ -21,19 +22,14 @@ def cells_of(scale: np.ndarray, clip: float = 2.0, cap: float = 4.0) -> tuple[li
 
 def owners(levels: list[Level], cells: Partition) -> np.ndarray:
     """Number of the cell that each pixel is in, found anew from the places of the cells."""
-    owner = np.full((1, 1), -1)
+    owner = np.full(levels[-1].joined.shape, -1)
     for k in range(len(levels) - 1, -1, -1):
         rows, columns = levels[k].shape
         joined = levels[k].joined
         bits = np.zeros((2 * joined.shape[0], 2 * joined.shape[1]), int)
         for bit in range(4):
             bits[bit >> 1 :: 2, bit & 1 :: 2] = joined >> bit & 1
-        above = np.kron(owner[: joined.shape[0], : joined.shape[1]], np.ones((2, 2), int))
-        owner = (
-            np.where(bits[:rows, :columns] > 0, above[:rows, :columns], -1)
-            if joined.any()
-            else np.full((rows, columns), -1)
-        )
+        owner = np.where(bits > 0, np.kron(owner, np.ones((2, 2), int)), -1)[:rows, :columns].copy()
         first, last = cells.starts[k : k + 2]
         owner.ravel()[cells.places[first:last]] = np.arange(first, last)
     return owner
@@ -70,6 +66,27 @@ def test_what_flows_from_a_cell_to_another_flows_back_alike(shape):
     np.testing.assert_allclose(flow, flow.T, rtol=1e-12)  # float64
     # No link evens out the smaller of its cells by more than the cap; a cell may touch another along two sides.
     assert (cells.weights <= 4.0 + 1e-12).all()
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 40])
+def test_flags_are_found_one_after_the_other(count):
+    for share in (0.0, 0.1, 0.9, 1.0):
+        on = np.random.default_rng(count).random(count) < share
+        found, eights = flags(count)
+        found[:count] = on
+        x, seen = next_flag(0, found, eights), []
+        while x < count:
+            end = end_of_run(x, found, eights)
+            seen += range(x, end)
+            x = next_flag(end, found, eights)
+        assert seen == np.flatnonzero(on).tolist()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_the_largest_is_found_among_the_bits(dtype):
+    for values in ([0.0], [1e-40, 0.0], [3.0, 1e30, np.inf], [5.0, 312.0, 0.25]):
+        largest = largest_of(as_integers(np.array(values, dtype)))
+        assert np.array([largest], f"i{np.dtype(dtype).itemsize}").view(dtype)[0] == dtype(max(values))
 
 
 def test_threads_do_not_change_a_bit():

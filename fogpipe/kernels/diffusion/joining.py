@@ -114,15 +114,22 @@ def _strong_of_cells(here, below, across, down, clip, strong):
 
 
 @numba.njit(nogil=True, cache=True)
+def _faces(above, ours, beneath, i):
+    """Whether strong faces connect all of two by two cells, and whether any of these has one."""
+    one, two, three = np.uint8(1), np.uint8(2), np.uint8(3)
+    connected = ours[i] & (ours[i + _ONE] | one) & (beneath[i] << one | one) == three
+    touched = ours[i] | ours[i + _ONE] | beneath[i] | beneath[i + _ONE] | ((above[i] | above[i + _ONE]) & two)
+    return connected, (touched | ((ours[i - _ONE] | beneath[i - _ONE]) & one)) > np.uint8(0)
+
+
+@numba.njit(nogil=True, cache=True)
 def _join_pixels(above, ours, beneath, joined, alone, coarse_mass, mixed):
     """As below, where every cell is there and has the mass of a pixel."""
-    none, one, two, three, all_four = np.uint8(0), np.uint8(1), np.uint8(2), np.uint8(3), np.uint8(15)
+    none, all_four = np.uint8(0), np.uint8(15)
     for x in range(_ONE, np.uintp(len(joined))):
         i = _TWO * x
-        every = ours[i] & (ours[i + _ONE] | one) & (beneath[i] << one | one) == three
-        touched = ours[i] | ours[i + _ONE] | beneath[i] | beneath[i + _ONE] | ((above[i] | above[i + _ONE]) & two)
-        touched |= (ours[i - _ONE] | beneath[i - _ONE]) & one
-        mixed[x] = (touched > none) & ~every
+        every, touched = _faces(above, ours, beneath, i)
+        mixed[x] = touched & ~every
         joined[x], alone[x] = (all_four if every else none), (none if every else all_four)
         coarse_mass[x] = coarse_mass.dtype.type(4) if every else coarse_mass.dtype.type(0)
     joined[0], mixed[0], mixed[len(joined) - 1] = none, 1, 1  # no cells to the west, or maybe to the east
@@ -136,12 +143,10 @@ def _join_all_or_none(upper, lower, above, ours, beneath, least, joined, alone, 
     for x in range(_ONE, np.uintp(len(joined))):
         i = _TWO * x
         a, b, c, d = upper[i], upper[i + _ONE], lower[i], lower[i + _ONE]
-        connected = ours[i] & (ours[i + _ONE] | one) & (beneath[i] << one | one) == three
+        connected, touched = _faces(above, ours, beneath, i)
         every = connected & (min(min(a, b), min(c, d)) >= least)
-        touched = ours[i] | ours[i + _ONE] | beneath[i] | beneath[i + _ONE] | ((above[i] | above[i + _ONE]) & two)
-        touched |= (ours[i - _ONE] | beneath[i - _ONE]) & one
         there = np.uint8(a > 0) | np.uint8(b > 0) << one | np.uint8(c > 0) << two | np.uint8(d > 0) << three
-        mixed[x] = (touched > none) & ~every
+        mixed[x] = touched & ~every
         joined[x] = np.uint8(15) if every else none
         alone[x] = none if every else there
         coarse_mass[x] = (a + b) + (c + d) if every else upper.dtype.type(0)

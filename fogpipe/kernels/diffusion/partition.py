@@ -52,7 +52,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
     near : of squares of four by four pixels, 2 or 1 for those whose pixels are numbered, 1 for the rim.
     cap : largest G/m of a link for the smaller of its cells.
     """
-    alone = [_pixels(levels[0].alone, near), *(level.alone for level in levels[1:])]
+    alone = [_selected(levels[0].alone, near), *(level.alone for level in levels[1:])]
     starts, rows = [0], []  # of each level, and in it of each two rows
     for own in alone:
         rows.append(_counted(own, starts[-1]))
@@ -74,19 +74,13 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
     return Partition(starts, places, mass, neighbours, weights, leaving, *turned)
 
 
-def _pixels(alone: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Of two by two pixels, those that are cells by themselves in squares that are near."""
-    found = np.empty_like(alone)
-    _select(alone, near, found)
-    return found
-
-
 _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
 @numba.njit(nogil=True, cache=True)
-def _select(alone, near, found):
-    none = np.uint8(0)
+def _selected(alone, near):
+    """Of two by two pixels, those that are cells by themselves in squares that are near."""
+    found, none = np.empty_like(alone), np.uint8(0)
     for y in range(len(alone)):
         row, own, squares = found[y], alone[y], near[y // 2]
         for n in range(np.uintp(len(own) // 2)):
@@ -95,6 +89,7 @@ def _select(alone, near, found):
             row[right] = own[right] if squares[n] > none else none
         if len(own) % 2:
             row[-1] = own[-1] if squares[-1] > none else none
+    return found
 
 
 @numba.njit(nogil=True, cache=True)
