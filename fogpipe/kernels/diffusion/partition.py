@@ -49,10 +49,10 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
 
     Parameters
     ----------
-    near : of squares of four by four pixels, 2 or 1 for those whose pixels are numbered, 1 for the rim.
+    near : of squares of two by two pixels, 2 or 1 for those whose pixels are numbered, 1 for the rim.
     cap : largest G/m of a link for the smaller of its cells.
     """
-    alone = [_selected(levels[0].alone, near), *(level.alone for level in levels[1:])]
+    alone = [levels[0].alone * (near > 0), *(level.alone for level in levels[1:])]
     starts, rows = [0], []  # of each level, and in it of each two rows
     for own in alone:
         rows.append(_counted(own, starts[-1]))
@@ -75,21 +75,6 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
 
 
 _ONE, _TWO = np.uintp(1), np.uintp(2)
-
-
-@numba.njit(nogil=True, cache=True)
-def _selected(alone, near):
-    """Of two by two pixels, those that are cells by themselves in squares that are near."""
-    found, none = np.empty_like(alone), np.uint8(0)
-    for y in range(len(alone)):
-        row, own, squares = found[y], alone[y], near[y // 2]
-        for n in range(np.uintp(len(own) // 2)):
-            left, right = _TWO * n, _TWO * n + _ONE
-            row[left] = own[left] if squares[n] > none else none
-            row[right] = own[right] if squares[n] > none else none
-        if len(own) % 2:
-            row[-1] = own[-1] if squares[-1] > none else none
-    return found
 
 
 @numba.njit(nogil=True, cache=True)
@@ -123,7 +108,7 @@ def _number(first, last, mass, joined, alone, near, starts, coarse, numbers, pla
             single = alone[y, x]
             if single == 0:
                 continue
-            rim = near.size and near[y // 2, x // 2] == 1
+            rim = near.size and near[y, x] == 1
             for k in range(4):
                 if single >> k & 1:
                     j, i = 2 * y + (k >> 1), 2 * x + (k & 1)

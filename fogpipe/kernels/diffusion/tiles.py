@@ -24,7 +24,7 @@ LEAST_ROWS = 24
 """Of a tile without what its margins add: few enough for what a step touches to stay in the second cache."""
 AHEAD = 2
 """Rows of a tile after which one is written that is fetched now: too short for a processor to see what comes next."""
-SQUARE = 4
+SQUARE = 2
 """Pixels across the squares that are computed or not."""
 
 
@@ -63,7 +63,7 @@ def on_grid(
         margin = series.shape[1] - 1
         height, width = LEAST_ROWS + 2 * margin, COLUMNS - 2 * margin
         # Those that follow take what they need from beyond the squares that are wanted.
-        where = _around(wanted, sum(len(each) - 1 for each in factors[number + 1 :]))
+        where = _around(wanted.view(np.uint8), sum(len(each) - 1 for each in factors[number + 1 :]))
         limits = as_integers(spectra / 8)
         arguments = (height, width, in_rows(layer), rate, as_integers(rate), where, spectra, limits, series)
         in_bands(_tiles, -(-rows // height), height * columns, *arguments, in_rows(after))
@@ -76,7 +76,7 @@ def _around(wanted: np.ndarray, reach: int) -> np.ndarray:
     import cv2
 
     size = 2 * -(-reach // SQUARE) + 1
-    return cv2.dilate(wanted.view(np.uint8), np.ones((size, size), np.uint8)).view(np.bool_)
+    return cv2.dilate(wanted, np.ones((size, size), np.uint8))
 
 
 @lru_cache(64)
@@ -173,11 +173,16 @@ def _wanted_part(wanted, top, bottom, left, right):
     """The rectangle of a tile that holds all of its squares that are wanted; of no rows if none is."""
     first, last, west, east = bottom, top, right, left
     for j in range(top // SQUARE, -(-bottom // SQUARE)):
-        for i in range(left // SQUARE, -(-right // SQUARE)):
-            if wanted[j, i]:
-                first, last = min(first, SQUARE * j), max(last, SQUARE * j + SQUARE)
-                west, east = min(west, SQUARE * i), max(east, SQUARE * i + SQUARE)
-    return max(first, top), min(last, bottom), max(west, left), min(east, right)
+        row = wanted[j, left // SQUARE : -(-right // SQUARE)]
+        if largest_of(row):
+            first, last = min(first, SQUARE * j), SQUARE * j + SQUARE
+            begin, end = 0, len(row)
+            while not row[begin]:
+                begin += 1
+            while not row[end - 1]:
+                end -= 1
+            west, east = min(west, left + SQUARE * begin), max(east, left + SQUARE * end)
+    return first, min(last, bottom), west, min(east, right)
 
 
 @numba.njit(nogil=True, cache=True)
