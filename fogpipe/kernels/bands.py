@@ -63,11 +63,14 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
         future.result()
 
 
-def meanwhile(function: Callable[..., object], *arguments: Any) -> Callable[[], None]:
-    """Call a function while the caller goes on; what is returned waits for its end. At once if there is one thread."""
+def meanwhile(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
+    """Call a function while the caller goes on; what is returned waits for its result. At once if there is one thread.
+
+    Threads take what they are given in that order, so a function may wait for those that were given before it.
+    """
     if _threads == 1:
-        function(*arguments)
-        return lambda: None
+        result = function(*arguments)
+        return lambda: result
     return _submit(function, *arguments).result
 
 

@@ -15,19 +15,20 @@ from numba.core import types
 from numba.extending import intrinsic, models, overload, register_model
 
 
-class Channels(types.Type):
-    """Four numbers of a type that numba knows."""
+class Numbers(types.Type):
+    """So many numbers of a type that numba knows."""
 
-    def __init__(self, dtype: types.Float) -> None:
+    def __init__(self, dtype: types.Float, count: int) -> None:
         self.dtype = dtype
-        super().__init__(name=f"Channels({dtype})")
+        self.count = count
+        super().__init__(name=f"Numbers({dtype}, {count})")
 
 
-@register_model(Channels)
+@register_model(Numbers)
 class _Model(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         number = ir.FloatType() if kind.dtype.bitwidth == 32 else ir.DoubleType()
-        super().__init__(manager, kind, ir.VectorType(number, 4))
+        super().__init__(manager, kind, ir.VectorType(number, kind.count))
 
 
 def _instruction(generator: Callable[..., Any]) -> Any:
@@ -35,28 +36,36 @@ def _instruction(generator: Callable[..., Any]) -> Any:
     return intrinsic(generator)
 
 
+def _loader(array: Any, start: Any, count: int) -> Any:
+    def generate(context, builder, signature, arguments):
+        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1], count)
+        return builder.load(pointer, align=array.dtype.bitwidth // 8)
+
+    return Numbers(array.dtype, count)(array, start), generate
+
+
 @_instruction
 def load(context, array, start):
     """The channels that begin at an index of a flat array."""
-    kind = Channels(array.dtype)
-
-    def generate(context, builder, signature, arguments):
-        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1], 4)
-        return builder.load(pointer, align=array.dtype.bitwidth // 8)
-
-    return kind(array, start), generate
+    return _loader(array, start, 4)
 
 
 @_instruction
-def store(context, array, start, channels):
-    """Write channels to where they begin in a flat array."""
+def load_many(context, array, start):
+    """As many numbers as ``split`` takes pixels."""
+    return _loader(array, start, SPLIT)
+
+
+@_instruction
+def store(context, array, start, numbers):
+    """Write numbers to where they begin in a flat array."""
 
     def generate(context, builder, signature, arguments):
-        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1], 4)
+        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1], numbers.count)
         builder.store(arguments[2], pointer, align=array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
-    return types.void(array, start, channels), generate
+    return types.void(array, start, numbers), generate
 
 
 SPLIT = 16
@@ -80,6 +89,32 @@ def split(context, array, start, planes, place, apart):
         return context.get_dummy_value()
 
     return types.void(array, start, planes, place, apart), generate
+
+
+@_instruction
+def merge(context, planes, place, apart, array, start):
+    """The other way round: from four places in one array to 16 pixels in another."""
+
+    def generate(context, builder, signature, arguments):
+        size = array.dtype.bitwidth // 8
+        source, place, apart, target, start = arguments
+        rows = []
+        for _ in range(4):
+            pointer = _pointer(context, builder, signature.args[0], source, place, SPLIT)
+            rows.append(builder.load(pointer, align=size))
+            place = builder.add(place, apart)
+        # Pairs of channels of a pixel first, as there is an instruction for them.
+        pairs = [_shuffled(builder, *two, [k // 2 + SPLIT * (k % 2) for k in range(2 * SPLIT)]) for two in (rows[:2], rows[2:])]
+        order = [2 * (k // 4) + k % 2 + 2 * SPLIT * (k // 2 % 2) for k in range(4 * SPLIT)]
+        pixels = _shuffled(builder, *pairs, order)
+        builder.store(pixels, _pointer(context, builder, signature.args[3], target, start, 4 * SPLIT), align=size)
+        return context.get_dummy_value()
+
+    return types.void(planes, place, apart, array, start), generate
+
+
+def _shuffled(builder: Any, left: Any, right: Any, order: list[int]) -> Any:
+    return builder.shuffle_vector(left, right, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), order))
 
 
 @_instruction
@@ -116,37 +151,39 @@ def _by_builder(name: str) -> Any:
     return both
 
 
-_add, _subtract = _by_builder("fadd"), _by_builder("fsub")
+_add, _subtract, _multiply = _by_builder("fadd"), _by_builder("fsub"), _by_builder("fmul")
 
 
 @_instruction
-def _scaled(context, factor, channels):
+def _scaled(context, factor, numbers):
     def generate(context, builder, signature, arguments):
-        number = context.cast(builder, arguments[0], factor, channels.dtype)
-        vector = ir.Constant(context.get_value_type(channels), ir.Undefined)
-        for k in range(4):
+        number = context.cast(builder, arguments[0], factor, numbers.dtype)
+        vector = ir.Constant(context.get_value_type(numbers), ir.Undefined)
+        for k in range(numbers.count):
             vector = builder.insert_element(vector, number, ir.Constant(ir.IntType(32), k))
         return builder.fmul(vector, arguments[1])
 
-    return channels(factor, channels), generate
+    return numbers(factor, numbers), generate
 
 
 @overload(operator.add)
 def _overload_add(left, right):
-    if isinstance(left, Channels) and left == right:
+    if isinstance(left, Numbers) and left == right:
         return lambda left, right: _add(left, right)
     return None
 
 
 @overload(operator.sub)
 def _overload_subtract(left, right):
-    if isinstance(left, Channels) and left == right:
+    if isinstance(left, Numbers) and left == right:
         return lambda left, right: _subtract(left, right)
     return None
 
 
 @overload(operator.mul)
-def _overload_multiply(factor, channels):
-    if isinstance(factor, types.Float) and isinstance(channels, Channels):
-        return lambda factor, channels: _scaled(factor, channels)
+def _overload_multiply(factor, numbers):
+    if isinstance(numbers, Numbers) and factor == numbers:
+        return lambda factor, numbers: _multiply(factor, numbers)
+    if isinstance(numbers, Numbers) and isinstance(factor, types.Float):
+        return lambda factor, numbers: _scaled(factor, numbers)
     return None

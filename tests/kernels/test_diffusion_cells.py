@@ -15,9 +15,8 @@ from fogpipe.kernels.diffusion.rows import as_integers, end_of_run, flags, large
 
 
 def cells_of(scale: np.ndarray, clip: float = 2.0, cap: float = 4.0) -> tuple[list[Level], Partition]:
-    levels = hierarchy(rates(scale, 1.0), clip)
-    everywhere = np.full([-(-count // 4) for count in scale.shape], 2, np.uint8)
-    return levels, partition(levels, everywhere, cap)
+    levels = list(hierarchy(rates(scale, 1.0), clip))
+    return levels, partition(levels, np.full_like(levels[0].joined, 2), cap)
 
 
 def owners(levels: list[Level], cells: Partition) -> np.ndarray:
@@ -173,7 +172,7 @@ def test_pixels_far_from_larger_cells_are_done_on_the_grid_and_those_between_fit
     layer = cv2.GaussianBlur(np.random.default_rng(4).random((96, 400, 4), dtype=np.float32), (0, 0), 2)
     scale = np.tile(np.linspace(1, 6, 400, dtype=np.float32), (96, 1))
     error = np.abs(adaptive(layer, rates(scale, 1.0), 4.0, 1e-3) - reference(layer, scale, 1.0)).mean((0, 2))
-    alone = hierarchy(rates(scale, 1.0), 4.0)[0].joined[:, 1:-1].any(axis=0)
+    alone = next(hierarchy(rates(scale, 1.0), 4.0)).joined[:, 1:-1].any(axis=0)
     first = 2 * int(np.argmax(alone)) + 2
     # Without larger cells only the polynomial errs, by a thousandth of the detail, which is 0.04; the last sixteen
     # columns before them get light from them.

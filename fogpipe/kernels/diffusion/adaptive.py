@@ -8,6 +8,7 @@ cell gives its pixels what it has, along the slope to its neighbours.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -35,21 +36,31 @@ def adaptive(
     ``rate`` is ϱ (H, W) of its pixels, and ``share`` what a polynomial may leave out of any pattern. The result is
     written into ``after`` if that is given.
     """
-    levels = hierarchy(rate, clip)
-    if len(levels) == 1:
+    growing = hierarchy(rate, clip)
+    finest = next(growing)
+    if finest.joined.max() == 0:
         return on_grid(layer, rate, float(rate.max()), share, after=after)
-    near = _near(levels[0].joined, degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share))
     after = np.empty_like(layer) if after is None else after
-    calm = _calm(rate, near, clip, share)
-    stepped = meanwhile(on_grid, layer, rate, calm, share, near < 2, after)
-    if degree_for(quantised(8 * calm), share) > LARGEST_FACTOR:
+    degree, degree_of_cells = degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share)
+    near = meanwhile(_near, finest.joined, degree, degree_of_cells)
+    stepped = meanwhile(_step_pixels, layer, rate, near, clip, share, after)
+    levels = [finest, *growing]
+    if degree > LARGEST_FACTOR:
         stepped()  # several passes take another layer, whose memory is free before cells need some
-    cells = partition(levels, near, CAP * clip)
+    cells = partition(levels, near(), CAP * clip)
     values = averaged(layer, levels)
     held = _evened(collected(values, cells), cells, share)
     stepped()
     spread(held, cells, levels, values, after, clip)
     return after
+
+
+def _step_pixels(
+    layer: FloatArray, rate: FloatArray, near: Callable[[], np.ndarray], clip: float, share: float, after: FloatArray
+) -> None:
+    """Those that are far from larger cells."""
+    others = near() < 2
+    on_grid(layer, rate, _calm(rate, others, clip, share), share, others, after)
 
 
 def _near(joined: np.ndarray, degree: int, degree_of_cells: int) -> np.ndarray:
@@ -68,12 +79,12 @@ def _near(joined: np.ndarray, degree: int, degree_of_cells: int) -> np.ndarray:
     return inner + cv2.dilate(inner, beyond)
 
 
-def _calm(rate: FloatArray, near: np.ndarray, clip: float, share: float) -> float:
-    """No less than the largest rate in squares below 2: the clip, for what has a face above that is not in those."""
+def _calm(rate: FloatArray, squares: np.ndarray, clip: float, share: float) -> float:
+    """No less than the largest rate in some squares: the clip, for what has a face above that is not in those."""
     if degree_for(8 * clip, share) <= LARGEST_FACTOR:
         return clip
     # Several passes over the layer, or none: that is worth a look.
-    calm = np.repeat(np.repeat(near < 2, SQUARE, axis=0), SQUARE, axis=1)
+    calm = np.repeat(np.repeat(squares, SQUARE, axis=0), SQUARE, axis=1)
     return min(clip, float(rate.max(where=calm[: rate.shape[0], : rate.shape[1]], initial=0)))
 
 

@@ -131,6 +131,8 @@ def choose(layer: FloatArray, rate: FloatArray, largest: float, tolerance: float
                 # In steps on the pixels, of which a step of as many cells takes five, and to set up the cells eight.
                 if cells <= MOST_CELLS:
                     plans.append((8 + 5 * cells * degree + others * on_grid_degree, plan))
+                if plan.share == LARGEST_SHARE:
+                    break  # smaller cells are more, take more steps, and may leave out no more
     return min(plans)[1]
 
 

@@ -7,6 +7,7 @@ joined to one cell of the next level. The others stay as they are, however much 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numba
@@ -59,25 +60,25 @@ def rates(scale: FloatArray, finest: float) -> FloatArray:
     return rate
 
 
-def hierarchy(rate: FloatArray, clip: float) -> list[Level]:
+def hierarchy(rate: FloatArray, clip: float) -> Iterator[Level]:
     """Levels of cells, beginning with the pixels, until nothing is left to join."""
     real, nothing = rate.dtype.type, np.empty((0, 0), rate.dtype)
     cells = rate, nothing, nothing, nothing
     rows, columns = rate.shape
-    levels: list[Level] = []
+    square = 1
     while True:
-        square = 4 ** len(levels)
         strong = real(clip if min(rows, columns) > 2 else np.inf)  # so few cells are left as they are
         joined, alone = (np.empty(((rows + 1) // 2, (columns + 1) // 2), np.uint8) for _ in range(2))
         mass, east, south = (np.empty(joined.shape, rate.dtype) for _ in range(3))
         in_bands(join, *joined.shape, *cells, strong, real(LEAST_SHARE * square), joined, alone, mass)
-        levels.append(Level(*cells, joined, alone))
-        if not joined.any():
-            return levels
+        yield Level(*cells, joined, alone)
+        if joined.max() == 0:
+            return
         full, blur, least = real(4 * square), real(BLUR * square), real(max(1 - BLUR / clip, LEAST_LEFT))
         in_bands(coarsen, *joined.shape, *cells, joined, mass, full, blur, least, east, south)
         cells = nothing, mass, east, south
         rows, columns = joined.shape
+        square *= 4
 
 
 @numba.njit(nogil=True, cache=True)

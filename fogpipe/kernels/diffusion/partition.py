@@ -80,13 +80,15 @@ _ONE, _TWO = np.uintp(1), np.uintp(2)
 @numba.njit(nogil=True, cache=True)
 def _counted(alone, start):
     """Number of the first cell of each two rows, and of all."""
-    starts = np.empty(len(alone) + 1, np.int64)
+    starts, counts, one = np.empty(len(alone) + 1, np.int64), np.empty(alone.shape[1], np.uint8), np.uint8(1)
     starts[0] = start
     for y in range(len(alone)):
-        count = np.uint32(0)
-        for x in range(np.uintp(alone.shape[1])):
-            own = alone[y, x]
-            count += (own & 1) + (own >> 1 & 1) + (own >> 2 & 1) + (own >> 3)
+        row, count = alone[y], np.uint32(0)
+        for x in range(np.uintp(len(row))):  # in bytes, of which most fit into a vector
+            own = row[x]
+            counts[x] = (own & one) + (own >> one & one) + (own >> np.uint8(2) & one) + (own >> np.uint8(3))
+        for x in range(np.uintp(len(row))):
+            count += np.uint32(counts[x])
         starts[y + 1] = starts[y] + count
     return starts
 
