@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from threading import Lock
 from typing import Any
 
 MIN_PIXELS_PER_BAND = 16_384
@@ -64,14 +65,26 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
 
 
 def meanwhile(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
-    """Call a function while the caller goes on; what is returned waits for its result. At once if there is one thread.
+    """Call a function while the caller goes on; what is returned gives its result.
 
-    Threads take what they are given in that order, so a function may wait for those that were given before it.
+    It waits for that if another thread is at it, and calls the function itself if none has come to it yet.
     """
-    if _threads == 1:
-        result = function(*arguments)
-        return lambda: result
-    return _submit(function, *arguments).result
+    begun, result = Lock(), Future[Any]()
+
+    def run() -> None:
+        if begun.acquire(blocking=False):
+            try:
+                result.set_result(function(*arguments))
+            except BaseException as error:
+                result.set_exception(error)
+
+    def wait() -> Any:
+        run()
+        return result.result()
+
+    if _threads > 1:
+        _submit(run)
+    return wait
 
 
 def _submit(function: Callable[..., object], *arguments: Any) -> Any:

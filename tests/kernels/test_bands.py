@@ -77,3 +77,19 @@ def test_rows_do_not_wait_for_threads_that_are_busy():
     finally:
         go_on.set()
         bands.set_threads(before)
+
+
+def test_who_waits_for_what_nobody_has_begun_does_it_himself():
+    before = bands.threads()
+    bands.set_threads(2)
+    go_on, callers = threading.Event(), []
+    try:
+        busy = bands.meanwhile(go_on.wait, 60)
+        wait = bands.meanwhile(lambda: callers.append(threading.get_ident()) or "done")
+        assert wait() == wait() == "done"
+        assert callers == [threading.get_ident()]
+        go_on.set()
+        assert busy()
+    finally:
+        go_on.set()
+        bands.set_threads(before)

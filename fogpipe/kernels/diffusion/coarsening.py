@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fogpipe.kernels.diffusion.rows import end_of_run, flags, four_rows, load_row, next_flag
+from fogpipe.kernels.diffusion.rows import end_of_run, face, flags, mass_of, next_flag
 
 WEAK = 0.1
 """A face inside a cell that is this much weaker than the one beside it has a way round it."""
@@ -20,51 +20,31 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
     Most cells have ``full`` mass, as those beside them: these are done in runs, of which the compiler makes vectors.
     """
     rows, columns = joined.shape
-    width = 2 * columns + 2
-    masses, across, down = four_rows(width, rate, mass)
-    level = rate, mass, east, south
-    (alike, alike_eights), (others, eights), zero = flags(columns), flags(columns), mass.dtype.type(0)
-    for row in range(2 * first, 2 * first + 2):
-        load_row(row, *level, masses, across, down)
+    (alike, alike_eights), (others, eights) = flags(columns), flags(columns)
     for y in range(first, last):
-        for row in range(2 * y + 2, 2 * y + 4):
-            load_row(row, *level, masses, across, down)
-        one, three = 2 * y & 3, 2 * y + 2 & 3
-        two, four = one + 1, three + 1
+        j = 2 * y
         _sort(whole[y], whole[min(y + 1, rows - 1)], full if y + 1 < rows else -full, alike, others)
         coarse_east[y], coarse_south[y] = 0, 0
         x = next_flag(0, alike, alike_eights)
         while x < columns:
             end = end_of_run(x, alike, alike_eights)
-            run = slice(2 * x, 2 * end + 1)
-            _along(across[one, run], across[two, run], blur, least, coarse_east[y, x:end])
-            _down(down[one, run], down[two, run], down[three, run], blur, least, coarse_south[y, x:end])
+            run, to_east, to_south = slice(2 * x, 2 * end + 2), coarse_east[y, x:end], coarse_south[y, x:end]
+            if rate.size:
+                four = rate[j, run], rate[j + 1, run], rate[j + 2, run], rate[j + 3, run]
+                _among_pixels(*four, blur, least, to_east, to_south)
+            else:
+                _along(east[j, run], east[j + 1, run], blur, least, to_east)
+                _down(south[j, run], south[j + 1, run], south[j + 2, run], blur, least, to_south)
             x = next_flag(end, alike, alike_eights)
         x = next_flag(0, others, eights)
         while x < columns:
-            i, part = 2 * x, joined[y, x]
-            beside = joined[y, x + 1] if x + 1 < columns else np.uint8(0)
-            below = joined[y + 1, x] if y + 1 < rows else np.uint8(0)
-            a, b = masses[one, i] if part & 1 else zero, masses[one, i + 1] if part & 2 else zero
-            c, d = masses[two, i] if part & 4 else zero, masses[two, i + 1] if part & 8 else zero
-            flow = zero
-            if part & 2 and beside & 1:
-                far = masses[one, i + 3] if beside & 2 else zero
-                faces = across[one, i], across[one, i + 1], across[one, i + 2]
-                flow += _in_series(a, b, masses[one, i + 2], far, faces)
-            if part & 8 and beside & 4:
-                far = masses[two, i + 3] if beside & 8 else zero
-                faces = across[two, i], across[two, i + 1], across[two, i + 2]
-                flow += _in_series(c, d, masses[two, i + 2], far, faces)
-            coarse_east[y, x] = max(flow - blur, least * flow)
-            flow = zero
-            if part & 4 and below & 1:
-                far = masses[four, i] if below & 4 else zero
-                flow += _in_series(a, c, masses[three, i], far, (down[one, i], down[two, i], down[three, i]))
-            if part & 8 and below & 2:
-                far, i = masses[four, i + 1] if below & 8 else zero, i + 1
-                flow += _in_series(b, d, masses[three, i], far, (down[one, i], down[two, i], down[three, i]))
-            coarse_south[y, x] = max(flow - blur, least * flow)
+            part = joined[y, x]
+            if x + 1 < columns:
+                flow = _to_east(y, x, part, joined[y, x + 1], rate, mass, east)
+                coarse_east[y, x] = max(flow - blur, least * flow)
+            if y + 1 < rows:
+                flow = _to_south(y, x, part, joined[y + 1, x], rate, mass, south)
+                coarse_south[y, x] = max(flow - blur, least * flow)
             x = next_flag(x + 1, others, eights)
 
 
@@ -76,6 +56,24 @@ def _sort(ours, beneath, full, alike, others):
         every = (ours[x] == full) & (ours[x + _ONE] == full) & (beneath[x] == full)
         alike[x], others[x] = every, (ours[x] > 0) ^ every
     others[last] = ours[last] > 0
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
+def _among_pixels(first, second, third, fourth, blur, least, to_east, to_south):
+    """Of whole cells of two by two pixels, from the rates of four rows: conductances are means of two of them."""
+    half = first.dtype.type(0.5)
+    for x in range(np.uintp(len(to_east))):
+        i = _TWO * x
+        j, k, m = i + _ONE, i + _TWO, i + _TWO + _ONE
+        flow = _in_line(first[i] + first[j], first[j] + first[k], first[k] + first[m])
+        flow += _in_line(second[i] + second[j], second[j] + second[k], second[k] + second[m])
+        to_east[x] = max(half * flow - blur, least * half * flow)
+    for x in range(np.uintp(len(to_east))):
+        i = _TWO * x
+        j = i + _ONE
+        flow = _in_line(first[i] + second[i], second[i] + third[i], third[i] + fourth[i])
+        flow += _in_line(first[j] + second[j], second[j] + third[j], third[j] + fourth[j])
+        to_south[x] = max(half * flow - blur, least * half * flow)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
@@ -106,6 +104,35 @@ def _in_line(before, middle, after):
     product = before * after
     flow = middle * product / (product + middle * (to_before * after + to_after * before))
     return flow if middle > 0 else none
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _to_east(y, x, part, beside, rate, mass, east):
+    """Between a cell with parts missing, or next to one, and that to its east."""
+    flow, i, none = mass.dtype.type(0), 2 * x, mass.dtype.type(0)
+    for lower in range(2):
+        ours, other, j = part >> 2 * lower, beside >> 2 * lower, 2 * y + lower
+        if ours & 2 and other & 1:
+            a = mass_of(j, i, mass) if ours & 1 else none
+            d = mass_of(j, i + 3, mass) if other & 2 else none
+            after = face(j, i + 2, j, i + 3, rate, east) if other & 2 else none
+            faces = face(j, i, j, i + 1, rate, east), face(j, i + 1, j, i + 2, rate, east), after
+            flow += _in_series(a, mass_of(j, i + 1, mass), mass_of(j, i + 2, mass), d, faces)
+    return flow
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _to_south(y, x, part, below, rate, mass, south):
+    flow, j, none = mass.dtype.type(0), 2 * y, mass.dtype.type(0)
+    for right in range(2):
+        ours, other, i = part >> right, below >> right, 2 * x + right
+        if ours & 4 and other & 1:
+            a = mass_of(j, i, mass) if ours & 1 else none
+            d = mass_of(j + 3, i, mass) if other & 4 else none
+            after = face(j + 2, i, j + 3, i, rate, south) if other & 4 else none
+            faces = face(j, i, j + 1, i, rate, south), face(j + 1, i, j + 2, i, rate, south), after
+            flow += _in_series(a, mass_of(j + 1, i, mass), mass_of(j + 2, i, mass), d, faces)
+    return flow
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")

@@ -15,7 +15,7 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.grid import Level
-from fogpipe.kernels.diffusion.rows import flags, next_flag
+from fogpipe.kernels.diffusion.rows import face, flags, next_flag
 
 
 class Partition(NamedTuple):
@@ -179,13 +179,13 @@ def _links(
             at_west = at_east = at_north = at_south = none
             to_west = to_east = to_north = to_south = zero
             if i > 0:
-                at_west, to_west = numbers[j, i - _ONE], _face(rate, east, j, i - _ONE, j, i)
+                at_west, to_west = numbers[j, i - _ONE], face(j, i - _ONE, j, i, rate, east)
             if i + _ONE < columns:
-                at_east, to_east = numbers[j, i + _ONE], _face(rate, east, j, i, j, i + _ONE)
+                at_east, to_east = numbers[j, i + _ONE], face(j, i, j, i + _ONE, rate, east)
             if j > 0:
-                at_north, to_north = numbers[j - _ONE, i], _face(rate, south, j - _ONE, i, j, i)
+                at_north, to_north = numbers[j - _ONE, i], face(j - _ONE, i, j, i, rate, south)
             if j + _ONE < rows:
-                at_south, to_south = numbers[j + _ONE, i], _face(rate, south, j, i, j + _ONE, i)
+                at_south, to_south = numbers[j + _ONE, i], face(j, i, j + _ONE, i, rate, south)
             found = _link(number, 0, at_west, to_west, cap, end, *cells)
             found |= _link(number, 1, at_east, to_east, cap, end, *cells)
             found |= _link(number, 2, at_north, to_north, cap, end, *cells)
@@ -201,12 +201,6 @@ def _link(number, side, other, flow, cap, end, mass, neighbours, weights):
     neighbours[number, side] = beside
     weights[number, side] = min(flow, cap * min(own, mass[beside])) / own if there else flow - flow
     return np.uint8((other >= end) & (flow > 0)) << np.uint8(side)
-
-
-@numba.njit(nogil=True, cache=True)
-def _face(rate, conductance, y, x, j, i):
-    """Between a cell and the next one, (j, i), to the east or south."""
-    return rate.dtype.type(0.5) * (rate[y, x] + rate[j, i]) if rate.size else conductance[y, x]
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")

@@ -1,4 +1,4 @@
-"""Rows of the cells of a level, as kernels take them: those of pixels are made from their rates as they are needed."""
+"""Cells of a level one by one and row by row. What pixels have is made from their rates as it is needed."""
 
 from __future__ import annotations
 
@@ -7,17 +7,6 @@ import numpy as np
 
 _ALL = np.uint64(0x0101010101010101)
 _ONE = np.uintp(1)
-
-
-@numba.njit(nogil=True, cache=True)
-def four_rows(width, rate, mass):
-    """Room for masses and conductances of four rows, of which row y is in place y % 4.
-
-    Pixels have their mass of 1 already, and cells behind the last column have none.
-    """
-    masses = np.zeros((4, width), mass.dtype)
-    masses[:, : rate.shape[1]] = 1
-    return masses, np.zeros_like(masses), np.zeros_like(masses)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -44,32 +33,15 @@ def next_flag(x, flags, eights):
 
 
 @numba.njit(nogil=True, cache=True)
-def load_row(y, rate, mass, east, south, masses, across, down):
-    """Masses of a row, and conductances to the east and south, in their places; beyond the last row all are 0."""
-    rows = len(rate) if rate.size else len(mass)
-    here, across, down = masses[y & 3], across[y & 3], down[y & 3]
-    if y >= rows:
-        here[:], across[:], down[:] = 0, 0, 0
-    elif rate.size:
-        _load_pixels(rate[y], rate[min(y + 1, rows - 1)], across, down)
-        if y == rows - 1:
-            down[:] = 0
-    else:
-        _load_cells(mass[y], east[y], south[y], here, across, down)
+def mass_of(y, x, mass):
+    """A pixel has a mass of 1."""
+    return mass[y, x] if mass.size else mass.dtype.type(1)
 
 
 @numba.njit(nogil=True, cache=True)
-def _load_pixels(rate, below, across, down):
-    half, last = rate.dtype.type(0.5), np.uintp(len(rate) - 1)
-    for x in range(last):
-        across[x], down[x] = half * (rate[x] + rate[x + _ONE]), half * (rate[x] + below[x])
-    down[last] = half * (rate[last] + below[last])
-
-
-@numba.njit(nogil=True, cache=True)
-def _load_cells(mass, east, south, here, across, down):
-    for x in range(np.uintp(len(mass))):
-        here[x], across[x], down[x] = mass[x], east[x], south[x]
+def face(y, x, j, i, rate, conductance):
+    """Conductance between a cell and the next one, (j, i), to the east or south."""
+    return rate.dtype.type(0.5) * (rate[y, x] + rate[j, i]) if rate.size else conductance[y, x]
 
 
 @numba.njit(nogil=True, cache=True)

@@ -13,7 +13,7 @@ from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.coarsening import WEAK
 from fogpipe.kernels.diffusion.grid import Level
 from fogpipe.kernels.diffusion.partition import Partition
-from fogpipe.kernels.diffusion.rows import end_of_run, flags, next_flag
+from fogpipe.kernels.diffusion.rows import end_of_run, flags, mass_of, next_flag
 from fogpipe.kernels.diffusion.tiles import in_rows
 
 _ONE, _FOUR, _EIGHT = np.uintp(1), np.uintp(4), np.uintp(8)
@@ -80,7 +80,7 @@ def _average(first, last, values, mass, joined, whole, full, coarse):
             for k in range(4):
                 if joined[y, x] >> k & 1:
                     row, column = 2 * y + (k >> 1), 2 * x + (k & 1)
-                    share = _mass(mass, row, column) / whole[y, x]
+                    share = mass_of(row, column, mass) / whole[y, x]
                     store(coarse[y], own, load(coarse[y], own) + share * load(values[row], np.uintp(4 * column)))
             x = next_flag(x + 1, others, eights)
 
@@ -145,12 +145,12 @@ def _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, 
                 if part >> k & 1:
                     right, lower = k & 1, k >> 1
                     row, column = 2 * y + lower, 2 * x + right
-                    own, value = _mass(mass, row, column), here
+                    own, value = mass_of(row, column, mass), here
                     if (to_east if right else to_west) >> (k ^ 1) & 1:
-                        share = quarter * min(own, _mass(mass, row, column + 2 * right - 1)) / own
+                        share = quarter * min(own, mass_of(row, column + 2 * right - 1, mass)) / own
                         value = value + share * (load(coarse[y], np.uintp(4 * (e if right else w))) - here)
                     if (to_south if lower else to_north) >> (k ^ 2) & 1:
-                        share = quarter * min(own, _mass(mass, row + 2 * lower - 1, column)) / own
+                        share = quarter * min(own, mass_of(row + 2 * lower - 1, column, mass)) / own
                         value = value + share * (load(coarse[s if lower else n], np.uintp(4 * x)) - here)
                     store(values[row], np.uintp(4 * column), value)
             x = next_flag(x + 1, others, eights)
@@ -180,8 +180,3 @@ def _fill_four(above, ours, beneath, upper, lower):
         store(upper, right, north + east)
         store(lower, left, south + west)
         store(lower, right, south + east)
-
-
-@numba.njit(nogil=True, cache=True)
-def _mass(mass, y, x):
-    return mass[y, x] if mass.size else mass.dtype.type(1)
