@@ -16,7 +16,7 @@ from fogpipe.kernels.diffusion.rows import as_integers, end_of_run, flags, large
 
 def cells_of(scale: np.ndarray, clip: float = 2.0, cap: float = 4.0) -> tuple[list[Level], Partition]:
     levels = list(hierarchy(rates(scale, 1.0), clip))
-    return levels, partition(levels, np.full_like(levels[0].joined, 2), cap)
+    return levels, partition(levels, np.full_like(levels[0].joined, 2), cap)()
 
 
 def owners(levels: list[Level], cells: Partition) -> np.ndarray:

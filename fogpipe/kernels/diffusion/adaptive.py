@@ -47,8 +47,8 @@ def adaptive(
     levels = [finest, *growing]
     if degree > LARGEST_FACTOR:
         stepped()  # several passes take another layer, whose memory is free before cells need some
-    cells = partition(levels, near(), CAP * clip)
-    values = averaged(layer, levels)
+    linked = partition(levels, near(), CAP * clip)
+    values, cells = averaged(layer, levels), linked()
     held = _evened(collected(values, cells), cells, share)
     stepped()
     spread(held, cells, levels, values, after, clip)

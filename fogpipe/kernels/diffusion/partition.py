@@ -7,13 +7,14 @@ smaller cell many times over, so that one polynomial of a low degree serves them
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
-from fogpipe.kernels.bands import in_bands
+from fogpipe.kernels.bands import in_bands, meanwhile
 from fogpipe.kernels.diffusion.grid import Level
 from fogpipe.kernels.diffusion.rows import face, flags, next_flag
 
@@ -44,8 +45,8 @@ class Partition(NamedTuple):
     rates: FloatArray
 
 
-def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
-    """Number the cells, and link them.
+def partition(levels: list[Level], near: np.ndarray, cap: float) -> Callable[[], Partition]:
+    """Number the cells, and link them. What is returned waits for the links to be turned round, too.
 
     Parameters
     ----------
@@ -70,8 +71,8 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
         conductances, limits = (level.rate, level.east, level.south), (dtype.type(cap), starts[k + 1])
         cells = places, mass, neighbours, weights, leaving, coarser
         in_bands(_links, *own.shape, *conductances, numbers, rows[k], *limits, *cells)
-    turned = _turned(coarser, neighbours, weights, mass, starts[1], leaving)
-    return Partition(starts, places, mass, neighbours, weights, leaving, *turned)
+    turned = meanwhile(_turned, coarser, neighbours, weights, mass, starts[1], leaving)
+    return lambda: Partition(starts, places, mass, neighbours, weights, leaving, *turned())
 
 
 _ONE, _TWO = np.uintp(1), np.uintp(2)
