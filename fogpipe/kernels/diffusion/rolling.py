@@ -27,9 +27,16 @@ _ODD, _TOTAL, _EAST, _SOUTH, _RECORD = (np.uintp(k) * _WIDTH for k in (4, 8, 12,
 def records(steps, layer):
     """Room for the rows that so many steps need, on a boundary of the first cache's lines."""
     size = (steps + 2) * int(_RECORD)
-    block = np.empty(size + 64, layer.dtype)
+    block = np.zeros(size + 64, layer.dtype)
     start = (-block.ctypes.data % 64) // block.itemsize
     return block[start : start + size]
+
+
+@numba.njit(nogil=True, cache=True)
+def forget(rows):
+    """Nothing flows from what is left of another tile."""
+    for start in range(np.uintp(0), np.uintp(len(rows)), _RECORD):
+        rows[start + _EAST : start + _RECORD] = 0
 
 
 @numba.njit(nogil=True, cache=True)

@@ -15,11 +15,11 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, passes, quantised
-from fogpipe.kernels.diffusion.rolling import COLUMNS, load_row, place_above, place_of, records, step_row, store_row
+from fogpipe.kernels.diffusion.rolling import COLUMNS, forget, load_row, place_above, place_of, records, step_row, store_row
 from fogpipe.kernels.diffusion.rows import as_integers, largest_of
 
-LEAST_ROWS = 64
-"""Of a tile."""
+LEAST_ROWS, ROWS = 64, 16
+"""Of a tile: at least so many, and so many for each step, since in all each step computes one more above and below."""
 SQUARE = 2
 """Pixels across the squares that are computed or not."""
 
@@ -55,14 +55,13 @@ def on_grid(
             spectra, series = _by_rate(spectrum, share, layer.dtype)
         else:
             spectra, series = np.array([spectrum], layer.dtype), _in_precision(factor, layer.dtype)[None]
-        # As many rows again as the margins have: a tile of many steps would else be little but margins.
         margin = series.shape[1] - 1
-        height, width = LEAST_ROWS + 2 * margin, COLUMNS - 2 * margin
+        height, width = max(LEAST_ROWS, ROWS * margin), COLUMNS - 2 * margin
         # Those that follow take what they need from beyond the squares that are wanted.
         where = _around(wanted.view(np.uint8), sum(len(each) - 1 for each in factors[number + 1 :]))
         limits = as_integers(spectra / 8)
         arguments = (height, width, in_rows(layer), rate, as_integers(rate), where, spectra, limits, series)
-        in_bands(_tiles, -(-rows // height), height * columns, *arguments, in_rows(after))
+        in_bands(_tiles, -(-rows // height) * -(-columns // width), height * width, *arguments, in_rows(after))
         layer = after
     return layer
 
@@ -101,51 +100,52 @@ def _in_precision(series: np.ndarray, dtype: np.dtype) -> np.ndarray:
 @numba.njit(nogil=True, cache=True)
 def _tiles(first, last, height, width, layer, rate, bits, wanted, spectra, limits, series, after):
     rows, columns = rate.shape
-    margin = series.shape[1] - 1
-    zero, held = layer.dtype.type(0), records(margin, layer)
+    margin, strips = series.shape[1] - 1, (columns + width - 1) // width
+    held = records(margin, layer)
     begins = np.empty((margin + 1, height + 2 * margin + 2), np.int64)
-    ends = np.empty_like(begins)
+    parts = begins, np.empty_like(begins)
     for tile in range(first, last):
-        top, bottom = tile * height, min(tile * height + height, rows)
-        above = top - margin - 1  # row of the first place in begins and ends
-        for left in range(0, columns, width):
-            right = min(left + width, columns)
-            x0, x1 = max(left - margin, 0), min(right + margin, columns)
-            y0, y1 = _parts(wanted, top, bottom, left, right, x0, x1, rows, begins, ends)
-            if y0 >= y1:
-                continue
-            most = bits.dtype.type(0)
-            for y in range(y0, y1):
-                most = max(most, largest_of(bits[y, x0 + begins[margin, y - above] : x0 + ends[margin, y - above]]))
-            if most == 0:
-                for y in range(max(top, y0), min(bottom, y1)):
-                    part = slice(4 * (x0 + begins[0, y - above]), 4 * (x0 + ends[0, y - above]))
-                    _copy(layer[y, part], after[y, part])
-                continue
-            most, kind = min(most, limits[-1]), 0
-            while limits[kind] < most:
-                kind += 1
-            own, degree = series[kind], margin
-            while degree > 1 and own[degree] == zero:
-                degree -= 1
-            held[:] = 0
-            for y in range(y0, y1 + degree):
-                # Each step follows the one before it, a row behind.
-                place, row = place_of(y, held), y
-                if y < y1 and begins[degree, y - above] < ends[degree, y - above]:
-                    part = begins[degree, y - above], ends[degree, y - above]
-                    load_row(y, place, x0, x1, *part, layer, rate, spectra[kind], held)
-                for step in range(1, min(y - y0, degree) + 1):
-                    place, row = place_above(place, held), y - step
-                    begin, end = begins[degree - step, row - above], ends[degree - step, row - above]
-                    if row < y1 and begin < end:
-                        step_row(place, begin, end, step, degree, own, held)
-                if row == y - degree and begins[0, row - above] < ends[0, row - above]:
-                    store_row(row, place, x0, begins[0, row - above], ends[0, row - above], bottom, held, after)
+        top, left = tile // strips * height, tile % strips * width
+        bottom, right = min(top + height, rows), min(left + width, columns)
+        x0, x1 = max(left - margin, 0), min(right + margin, columns)
+        y0, y1 = _find_parts(wanted, top, bottom, left, right, x0, x1, rows, *parts)
+        above = top - margin - 1  # row of the first place in parts
+        most = min(_largest(y0, y1, above, x0, bits, *parts), limits[-1])
+        if most == 0:
+            _copy(max(top, y0), min(bottom, y1), above, x0, layer, *parts, after)
+            continue
+        kind = 0
+        while limits[kind] < most:
+            kind += 1
+        forget(held)
+        _roll(y0, y1, above, bottom, x0, x1, layer, rate, spectra[kind], series[kind], *parts, held, after)
 
 
 @numba.njit(nogil=True, cache=True)
-def _parts(wanted, top, bottom, left, right, x0, x1, rows, begins, ends):
+def _roll(y0, y1, above, bottom, x0, x1, layer, rate, spectrum, series, begins, ends, held, after):
+    """Load rows y0 to y1 of a tile one by one; each step follows the one before it, a row behind."""
+    degree = len(series) - 1
+    while degree > 1 and series[degree] == 0:
+        degree -= 1
+    for y in range(y0, y1 + degree):
+        place, row = place_of(y, held), y
+        if y < y1:
+            begin, end = begins[degree, y - above], ends[degree, y - above]
+            if begin < end:
+                load_row(y, place, x0, x1, begin, end, layer, rate, spectrum, held)
+        for step in range(1, min(y - y0, degree) + 1):
+            place, row = place_above(place, held), y - step
+            begin, end = begins[degree - step, row - above], ends[degree - step, row - above]
+            if row < y1 and begin < end:
+                step_row(place, begin, end, step, degree, series, held)
+        if row == y - degree:
+            begin, end = begins[0, row - above], ends[0, row - above]
+            if begin < end:
+                store_row(row, place, x0, begin, end, bottom, held, after)
+
+
+@numba.njit(nogil=True, cache=True)
+def _find_parts(wanted, top, bottom, left, right, x0, x1, rows, begins, ends):
     """Columns of each row, as seen from x0, that are needed 0, 1, … steps before the last; and the rows to be loaded.
 
     Rows begin as many above the tile as there are steps, and one more. Where nothing is needed columns end at once.
@@ -175,6 +175,21 @@ def _parts(wanted, top, bottom, left, right, x0, x1, rows, begins, ends):
 
 
 @numba.njit(nogil=True, cache=True)
-def _copy(source, target):
-    for i in range(len(source)):
-        target[i] = source[i]
+def _largest(y0, y1, above, x0, bits, begins, ends):
+    """Of the rates that are loaded at most; 0 for none."""
+    most = bits.dtype.type(0)
+    for y in range(y0, y1):
+        begin, end = begins[-1, y - above], ends[-1, y - above]
+        if begin < end:
+            most = max(most, largest_of(bits[y, x0 + begin : x0 + end]))
+    return most
+
+
+@numba.njit(nogil=True, cache=True)
+def _copy(top, bottom, above, x0, layer, begins, ends, after):
+    for y in range(top, bottom):
+        begin, end = begins[0, y - above], ends[0, y - above]
+        if begin < end:
+            source, target = layer[y, 4 * (x0 + begin) : 4 * (x0 + end)], after[y, 4 * (x0 + begin) : 4 * (x0 + end)]
+            for i in range(np.uintp(len(source))):
+                target[i] = source[i]
