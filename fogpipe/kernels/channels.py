@@ -104,9 +104,10 @@ def merge(context, planes, place, apart, array, start):
             rows.append(builder.load(pointer, align=size))
             place = builder.add(place, apart)
         # Pairs of channels of a pixel first, as there is an instruction for them.
-        pairs = [_shuffled(builder, *two, [k // 2 + SPLIT * (k % 2) for k in range(2 * SPLIT)]) for two in (rows[:2], rows[2:])]
-        order = [2 * (k // 4) + k % 2 + 2 * SPLIT * (k // 2 % 2) for k in range(4 * SPLIT)]
-        pixels = _shuffled(builder, *pairs, order)
+        two = [k // 2 + SPLIT * (k % 2) for k in range(2 * SPLIT)]
+        pairs = _shuffled(builder, rows[0], rows[1], two), _shuffled(builder, rows[2], rows[3], two)
+        four = [2 * (k // 4) + k % 2 + 2 * SPLIT * (k // 2 % 2) for k in range(4 * SPLIT)]
+        pixels = _shuffled(builder, pairs[0], pairs[1], four)
         builder.store(pixels, _pointer(context, builder, signature.args[3], target, start, 4 * SPLIT), align=size)
         return context.get_dummy_value()
 

@@ -22,19 +22,16 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
     rows, columns = joined.shape
     (alike, alike_eights), (others, eights) = flags(columns), flags(columns)
     for y in range(first, last):
-        j = 2 * y
         _sort(whole[y], whole[min(y + 1, rows - 1)], full if y + 1 < rows else -full, alike, others)
         coarse_east[y], coarse_south[y] = 0, 0
         x = next_flag(0, alike, alike_eights)
         while x < columns:
             end = end_of_run(x, alike, alike_eights)
-            run, to_east, to_south = slice(2 * x, 2 * end + 2), coarse_east[y, x:end], coarse_south[y, x:end]
             if rate.size:
-                four = rate[j, run], rate[j + 1, run], rate[j + 2, run], rate[j + 3, run]
-                _among_pixels(*four, blur, least, to_east, to_south)
+                _among_pixels(y, x, end, rate, blur, least, coarse_east, coarse_south)
             else:
-                _along(east[j, run], east[j + 1, run], blur, least, to_east)
-                _down(south[j, run], south[j + 1, run], south[j + 2, run], blur, least, to_south)
+                _along(y, x, end, east, blur, least, coarse_east)
+                _down(y, x, end, south, blur, least, coarse_south)
             x = next_flag(end, alike, alike_eights)
         x = next_flag(0, others, eights)
         while x < columns:
@@ -59,40 +56,52 @@ def _sort(ours, beneath, full, alike, others):
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
-def _among_pixels(first, second, third, fourth, blur, least, to_east, to_south):
-    """Of whole cells of two by two pixels, from the rates of four rows: conductances are means of two of them."""
-    half = first.dtype.type(0.5)
-    for x in range(np.uintp(len(to_east))):
-        i = _TWO * x
-        j, k, m = i + _ONE, i + _TWO, i + _TWO + _ONE
-        flow = _in_line(first[i] + first[j], first[j] + first[k], first[k] + first[m])
-        flow += _in_line(second[i] + second[j], second[j] + second[k], second[k] + second[m])
-        to_east[x] = max(half * flow - blur, least * half * flow)
-    for x in range(np.uintp(len(to_east))):
-        i = _TWO * x
-        j = i + _ONE
-        flow = _in_line(first[i] + second[i], second[i] + third[i], third[i] + fourth[i])
-        flow += _in_line(first[j] + second[j], second[j] + third[j], third[j] + fourth[j])
-        to_south[x] = max(half * flow - blur, least * half * flow)
+def _among_pixels(y, x, end, rate, blur, least, coarse_east, coarse_south):
+    """Of whole cells of two by two pixels in a row. Conductances are means of two rates."""
+    half, row, j = rate.dtype.type(0.5), np.uintp(y), _TWO * np.uintp(y)
+    upper, lower, below, beyond = j, j + _ONE, j + _TWO, j + _TWO + _ONE
+    for cell in range(np.uintp(x), np.uintp(end)):
+        i = _TWO * cell
+        k, m, n = i + _ONE, i + _TWO, i + _TWO + _ONE
+        flow = _in_line(
+            rate[upper, i] + rate[upper, k], rate[upper, k] + rate[upper, m], rate[upper, m] + rate[upper, n]
+        )
+        flow += _in_line(
+            rate[lower, i] + rate[lower, k], rate[lower, k] + rate[lower, m], rate[lower, m] + rate[lower, n]
+        )
+        coarse_east[row, cell] = max(half * flow - blur, least * half * flow)
+    for cell in range(np.uintp(x), np.uintp(end)):
+        flow = rate.dtype.type(0)
+        i = _TWO * cell
+        k = i + _ONE
+        flow = _in_line(
+            rate[upper, i] + rate[lower, i], rate[lower, i] + rate[below, i], rate[below, i] + rate[beyond, i]
+        )
+        flow += _in_line(
+            rate[upper, k] + rate[lower, k], rate[lower, k] + rate[below, k], rate[below, k] + rate[beyond, k]
+        )
+        coarse_south[row, cell] = max(half * flow - blur, least * half * flow)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
-def _along(upper, lower, blur, least, coarse):
+def _along(y, x, end, east, blur, least, coarse_east):
     """To the east of cells of two by two, of which all have the same mass."""
-    for x in range(np.uintp(len(coarse))):
-        i = _TWO * x
-        flow = _in_line(upper[i], upper[i + _ONE], upper[i + _TWO])
-        flow += _in_line(lower[i], lower[i + _ONE], lower[i + _TWO])
-        coarse[x] = max(flow - blur, least * flow)
+    row, upper, lower = np.uintp(y), _TWO * np.uintp(y), _TWO * np.uintp(y) + _ONE
+    for cell in range(np.uintp(x), np.uintp(end)):
+        i = _TWO * cell
+        flow = _in_line(east[upper, i], east[upper, i + _ONE], east[upper, i + _TWO])
+        flow += _in_line(east[lower, i], east[lower, i + _ONE], east[lower, i + _TWO])
+        coarse_east[row, cell] = max(flow - blur, least * flow)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
-def _down(upper, middle, lower, blur, least, coarse):
-    for x in range(np.uintp(len(coarse))):
-        i = _TWO * x
-        flow = _in_line(upper[i], middle[i], lower[i])
-        flow += _in_line(upper[i + _ONE], middle[i + _ONE], lower[i + _ONE])
-        coarse[x] = max(flow - blur, least * flow)
+def _down(y, x, end, south, blur, least, coarse_south):
+    row, upper, lower, below = np.uintp(y), _TWO * np.uintp(y), _TWO * np.uintp(y) + _ONE, _TWO * np.uintp(y) + _TWO
+    for cell in range(np.uintp(x), np.uintp(end)):
+        i = _TWO * cell
+        flow = _in_line(south[upper, i], south[lower, i], south[below, i])
+        flow += _in_line(south[upper, i + _ONE], south[lower, i + _ONE], south[below, i + _ONE])
+        coarse_south[row, cell] = max(flow - blur, least * flow)
 
 
 @numba.njit(nogil=True, fastmath={"contract"}, error_model="numpy", inline="always")

@@ -1,9 +1,10 @@
 """Steps of a polynomial on a few rows that roll down a tile: each follows the one before it, a row behind.
 
-All that a step touches stays in the cache, and a tile has no rows above and below that are computed in vain. The rows
-are records in one array; row y has place y modulo a power of two. A record holds T(k) of the latest even k and of the
-latest odd one, the polynomial so far, each with its four channels one after the other, and the conductances to the
-east and south in 2/λ. Sixteen cells are done at once, whose conductances are loaded once for the four channels.
+All that a step touches stays in the cache, and no rows are computed in vain but those of a tile's margins. The rows are
+records in one array, in turn: each takes the place of one that is done. A record holds T(k) of the latest even k and of
+the latest odd one, the polynomial so far, each with its four channels one after the other, and the conductances to the
+east and south in 2/λ. Sixteen cells are done at once, whose conductances are loaded once for the four channels; what
+is then computed beyond the part of a row that is needed is finite, and nothing that is needed depends on it.
 """
 
 from __future__ import annotations
@@ -27,16 +28,9 @@ _ODD, _TOTAL, _EAST, _SOUTH, _RECORD = (np.uintp(k) * _WIDTH for k in (4, 8, 12,
 def records(steps, layer):
     """Room for the rows that so many steps need, on a boundary of the first cache's lines."""
     size = (steps + 2) * int(_RECORD)
-    block = np.zeros(size + 64, layer.dtype)
+    block = np.empty(size + 64, layer.dtype)
     start = (-block.ctypes.data % 64) // block.itemsize
     return block[start : start + size]
-
-
-@numba.njit(nogil=True, cache=True)
-def forget(rows):
-    """Nothing flows from what is left of another tile."""
-    for start in range(np.uintp(0), np.uintp(len(rows)), _RECORD):
-        rows[start + _EAST : start + _RECORD] = 0
 
 
 @numba.njit(nogil=True, cache=True)
@@ -56,29 +50,30 @@ def load_row(y, place, x0, x1, begin, end, layer, rate, spectrum, rows):
     """Columns ``begin`` to ``end`` of a row, as seen from x0, of a tile that ends at x1; and their conductances."""
     zero, half, share = rate.dtype.type(0), rate.dtype.type(0.5), rate.dtype.type(2) / spectrum
     last, x = np.uintp(x1 - x0), np.uintp(x0)
-    begin, end = _vectors(begin, end)
-    end = min(end, last)
-    to_end = min(end, last - _ONE)
+    begin, behind = _vectors(begin, end)
+    end = min(behind, last)
     start = place + _LANES
     here, next_row, pixels = rate[y], rate[min(y + 1, len(rate) - 1)], layer[y]
     b = start + _EAST
-    for i in range(begin, to_end):
+    for i in range(begin, min(end, last - _ONE)):
         rows[b + i] = min(share * (here[x + i] + here[x + i + _ONE]), half)
     if end == last:
         rows[b + last - _ONE] = zero
     b = start + _SOUTH
-    if y + 1 < len(rate):
-        for i in range(begin, end):
-            rows[b + i] = min(share * (here[x + i] + next_row[x + i]), half)
-    else:
-        for i in range(begin, end):
-            rows[b + i] = zero
+    for i in range(begin, end):
+        rows[b + i] = min(share * (here[x + i] + next_row[x + i]), half) if y + 1 < len(rate) else zero
     whole = begin + (end - begin) // _LANES * _LANES
     for i in range(begin, whole, _LANES):
         split(pixels, _FOUR * (x + i), rows, start + i, _WIDTH)
-    for i in range(whole, end):
+    for i in range(whole, behind):
         for k in range(_FOUR):
-            rows[start + k * _WIDTH + i] = pixels[_FOUR * (x + i) + k]
+            rows[start + k * _WIDTH + i] = pixels[_FOUR * (x + i) + k] if i < end else zero
+
+
+@numba.njit(nogil=True, cache=True)
+def load_nothing(place, rows):
+    """The row beyond the last one: what is left in its place would be harmless but for NaN."""
+    rows[place : place + _RECORD] = 0
 
 
 @numba.njit(nogil=True, cache=True)

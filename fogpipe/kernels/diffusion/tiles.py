@@ -15,7 +15,16 @@ import numpy as np
 from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, passes, quantised
-from fogpipe.kernels.diffusion.rolling import COLUMNS, forget, load_row, place_above, place_of, records, step_row, store_row
+from fogpipe.kernels.diffusion.rolling import (
+    COLUMNS,
+    load_nothing,
+    load_row,
+    place_above,
+    place_of,
+    records,
+    step_row,
+    store_row,
+)
 from fogpipe.kernels.diffusion.rows import as_integers, largest_of
 
 LEAST_ROWS, ROWS = 64, 16
@@ -117,7 +126,7 @@ def _tiles(first, last, height, width, layer, rate, bits, wanted, spectra, limit
         kind = 0
         while limits[kind] < most:
             kind += 1
-        forget(held)
+        held[:] = 0  # of another tile
         _roll(y0, y1, above, bottom, x0, x1, layer, rate, spectra[kind], series[kind], *parts, held, after)
 
 
@@ -133,6 +142,8 @@ def _roll(y0, y1, above, bottom, x0, x1, layer, rate, spectrum, series, begins, 
             begin, end = begins[degree, y - above], ends[degree, y - above]
             if begin < end:
                 load_row(y, place, x0, x1, begin, end, layer, rate, spectrum, held)
+        elif y == len(rate):
+            load_nothing(place, held)
         for step in range(1, min(y - y0, degree) + 1):
             place, row = place_above(place, held), y - step
             begin, end = begins[degree - step, row - above], ends[degree - step, row - above]
