@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from threading import Lock
 from typing import Any
 
@@ -52,16 +53,10 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
         for first, last in bands:
             kernel(first, last, *arguments)
 
-    pending = [_submit(work) for _ in range(1, workers)]
-    try:
+    with ExitStack() as others:  # all of which are waited for, whoever fails; not those that are busy elsewhere
+        for _ in range(1, workers):
+            others.callback(meanwhile(work))
         work()
-    finally:
-        # A thread that is still busy elsewhere, or asleep, is not waited for.
-        begun = [future for future in pending if not future.cancel()]
-        for future in begun:
-            future.exception()
-    for future in begun:
-        future.result()
 
 
 def meanwhile(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
@@ -87,11 +82,11 @@ def meanwhile(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any
     return wait
 
 
-def _submit(function: Callable[..., object], *arguments: Any) -> Any:
+def _submit(function: Callable[[], None]) -> None:
     global _pool
     if _pool is None:
         _pool = ThreadPoolExecutor(max(1, _threads - 1), thread_name_prefix="fogpipe-band")
-    return _pool.submit(function, *arguments)
+    _pool.submit(function)
 
 
 def _forget_pool() -> None:

@@ -98,7 +98,7 @@ def _counted(alone, start):
 def _number(first, last, mass, joined, alone, near, starts, coarse, numbers, places, masses):
     """Cells by themselves, two by two of them after the others in two rows. Parts of a coarser one have its number."""
     columns, one = numbers.shape[1], masses.dtype.type(1)
-    beside, eights = flags(alone.shape[1])
+    (beside, eights), (some, eights_of_some) = flags(alone.shape[1]), flags(alone.shape[1])
     for y in range(first, last):
         if near.size:
             # No finer cell asks for the numbers of pixels, only those beside them.
@@ -106,20 +106,21 @@ def _number(first, last, mass, joined, alone, near, starts, coarse, numbers, pla
             _inherit_some(2 * y, joined[y], coarse, beside, eights, numbers)
         else:
             _inherit(2 * y, joined[y], coarse, numbers)
+        for x in range(np.uintp(alone.shape[1])):
+            some[x] = alone[y, x] > 0
         number = starts[y]
-        for x in range(alone.shape[1]):
-            single = alone[y, x]
-            if single == 0:
-                continue
+        x = next_flag(0, some, eights_of_some)
+        while x < alone.shape[1]:
             rim = near.size and near[y, x] == 1
             for k in range(4):
-                if single >> k & 1:
+                if alone[y, x] >> k & 1:
                     j, i = 2 * y + (k >> 1), 2 * x + (k & 1)
                     place = j * columns + i
                     numbers[j, i] = number
                     places[number] = -1 - place if rim else place
                     masses[number] = mass[j, i] if mass.size else one
                     number += 1
+            x = next_flag(x + 1, some, eights_of_some)
 
 
 @numba.njit(nogil=True, cache=True)
