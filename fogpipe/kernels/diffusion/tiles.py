@@ -1,8 +1,9 @@
 """Diffusion on the pixels, in tiles that stay in the cache.
 
-A tile is computed with a margin of as many pixels as there are steps, in which the values age, so that all steps run in
-the cache and no tile depends on another. A polynomial of high degree is the product of several, each of which is one
-pass over the tiles. A tile in which no light moves is copied, and one in which little moves takes fewer steps.
+A tile is computed with a margin of as many pixels as there are steps, in which the values age, so that no tile depends
+on another, and its rows roll through the steps (see :mod:`~fogpipe.kernels.diffusion.rolling`). A polynomial of high
+degree is the product of several, each of which is one pass over the tiles. A tile in which no light moves is copied,
+and one in which little moves takes fewer steps.
 """
 
 from __future__ import annotations
