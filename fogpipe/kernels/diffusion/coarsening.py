@@ -71,7 +71,6 @@ def _among_pixels(y, x, end, rate, blur, least, coarse_east, coarse_south):
         )
         coarse_east[row, cell] = max(half * flow - blur, least * half * flow)
     for cell in range(np.uintp(x), np.uintp(end)):
-        flow = rate.dtype.type(0)
         i = _TWO * cell
         k = i + _ONE
         flow = _in_line(
