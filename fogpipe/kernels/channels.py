@@ -1,7 +1,8 @@
-"""The four channels of a pixel as one number of compiled code.
+"""The four channels of a pixel, or sixteen numbers in a row, as one number of compiled code.
 
 The compiler turns long loops into vector code, but not the four equal lines of a pixel's channels. With ``load`` and
-``store`` they are one value, of which ``+``, ``-`` and a factor on its left take one instruction.
+``store`` they are one value, of which ``+``, ``-`` and a factor on its left take one instruction. ``load_many`` makes
+one of sixteen numbers, where a loop would have to prove first that what it reads and writes are apart.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 All that a step touches stays in the cache, and no rows are computed in vain but those of a tile's margins. The rows are
 records in one array, in turn: each takes the place of one that is done. A record holds T(k) of the latest even k and of
 the latest odd one, the polynomial so far, each with its four channels one after the other, and the conductances to the
-east and south in 2/λ. Sixteen cells are done at once, whose conductances are loaded once for the four channels; what
-is then computed beyond the part of a row that is needed is finite, and nothing that is needed depends on it.
+east and south in 2/λ. Sixteen cells are done at once, whose conductances are loaded once for the four channels. Nothing
+that is needed depends on what is computed beyond the part of a row that is, which may be anything.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ COLUMNS = 512
 AHEAD = 2
 """Rows after which one is written that is fetched now: too short for a processor to see what comes next."""
 
-_ONE, _TWO, _FOUR, _LANES = np.uintp(1), np.uintp(2), np.uintp(4), np.uintp(SPLIT)
+_ONE, _FOUR, _LANES = np.uintp(1), np.uintp(4), np.uintp(SPLIT)
 _WIDTH = np.uintp(COLUMNS + 2 * SPLIT)  # with cells before and behind, so that vectors lie on their boundaries
 _ODD, _TOTAL, _EAST, _SOUTH, _RECORD = (np.uintp(k) * _WIDTH for k in (4, 8, 12, 13, 14))
 
@@ -134,17 +134,24 @@ def _first_step(begin, end, here, north, south, constant, share, rows):
             store(rows, a + _TOTAL, constant * before + share * after)
 
 
+@numba.njit(nogil=True, inline="always")
+def _next(c, here, north, south, of_now, of_older, weights, rows):
+    """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; T(k+1) takes the place of T(k−1)."""
+    at_now, at_older = here + c + of_now, here + c + of_older
+    now = load_many(rows, at_now)
+    flow = _flow(at_now, north + c + of_now, south + c + of_now, now, weights, rows)
+    after = (now - load_many(rows, at_older)) + now + flow
+    store(rows, at_older, after)
+    return now, after
+
+
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})
 def _step(begin, end, here, north, south, of_now, of_older, rows):
-    """The recurrence T(k+1) = 2 X T(k) − T(k−1) with X = 1 − 2A/λ; T(k+1) takes the place of T(k−1)."""
+    """A step that leaves the polynomial as it is."""
     for i in range(begin, end, _LANES):
         weights = _weights(here + i, north + i, rows)
         for k in range(_FOUR):
-            c = i + k * _WIDTH
-            a = here + c
-            now, older = load_many(rows, a + of_now), load_many(rows, a + of_older)
-            flow = _flow(a + of_now, north + c + of_now, south + c + of_now, now, weights, rows)
-            store(rows, a + of_older, (now - older) + now + flow)
+            _next(i + k * _WIDTH, here, north, south, of_now, of_older, weights, rows)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})
@@ -154,11 +161,9 @@ def _step_and_sum(begin, end, here, north, south, of_now, of_older, share, next_
         weights = _weights(here + i, north + i, rows)
         for k in range(_FOUR):
             c = i + k * _WIDTH
-            a = here + c
-            now, older = load_many(rows, a + of_now), load_many(rows, a + of_older)
-            after = (now - older) + now + _flow(a + of_now, north + c + of_now, south + c + of_now, now, weights, rows)
-            store(rows, a + of_older, after)
-            store(rows, a + _TOTAL, load_many(rows, a + _TOTAL) + share * now + next_share * after)
+            now, after = _next(c, here, north, south, of_now, of_older, weights, rows)
+            total = here + c + _TOTAL
+            store(rows, total, load_many(rows, total) + share * now + next_share * after)
 
 
 @numba.njit(nogil=True, cache=True)

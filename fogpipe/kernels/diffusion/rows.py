@@ -6,7 +6,6 @@ import numba
 import numpy as np
 
 _ALL = np.uint64(0x0101010101010101)
-_ONE = np.uintp(1)
 
 
 @numba.njit(nogil=True, cache=True)

@@ -47,7 +47,7 @@ def on_grid(
     Parameters
     ----------
     rate : ϱ (H, W); between two neighbours, the mean of both.
-    largest : rates above this, which only tiles that are not wanted may have, are taken to be this.
+    largest : rates above this, which only squares that are not wanted may have, are taken to be this.
     share : of any pattern, left out at most.
     wanted : of squares of ``SQUARE`` pixels, those that are computed; the others may hold anything. None for all.
     after : (H, W, 4) C-contiguous, where the result goes; not the layer itself. None for new memory.
@@ -162,7 +162,7 @@ def _find_parts(wanted, top, bottom, left, right, x0, x1, rows, begins, ends):
 
     Rows begin as many above the tile as there are steps, and one more. Where nothing is needed columns end at once.
     """
-    margin, size = len(begins) - 1, np.uintp(begins.shape[1])
+    margin, size, one = len(begins) - 1, np.uintp(begins.shape[1]), np.uintp(1)
     begins[:], ends[:] = COLUMNS, -COLUMNS
     y0, y1 = rows, 0
     for y in range(top, bottom):
@@ -179,10 +179,11 @@ def _find_parts(wanted, top, bottom, left, right, x0, x1, rows, begins, ends):
     if y0 >= y1:
         return y0, y1
     for step in range(1, margin + 1):
-        finer, wider, east, west = begins[step - 1], begins[step], ends[step - 1], ends[step]
-        for j in range(np.uintp(1), size - np.uintp(1)):
-            wider[j] = max(min(finer[j - np.uintp(1)], finer[j], finer[j + np.uintp(1)]) - 1, 0)
-            west[j] = min(max(east[j - np.uintp(1)], east[j], east[j + np.uintp(1)]) + 1, x1 - x0)
+        # A step earlier, one cell more to every side is needed.
+        left_now, left_before, right_now, right_before = begins[step - 1], begins[step], ends[step - 1], ends[step]
+        for j in range(one, size - one):
+            left_before[j] = max(min(left_now[j - one], left_now[j], left_now[j + one]) - 1, 0)
+            right_before[j] = min(max(right_now[j - one], right_now[j], right_now[j + one]) + 1, x1 - x0)
     return max(y0 - margin, 0), min(y1 + margin, rows)
 
 
