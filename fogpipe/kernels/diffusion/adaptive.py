@@ -29,22 +29,22 @@ CAP = 2.0
 
 
 def adaptive(
-    layer: FloatArray, rate: FloatArray, clip: float, share: float, after: FloatArray | None = None
+    layer: FloatArray, scale: FloatArray, finest: float, clip: float, share: float, after: FloatArray | None = None
 ) -> FloatArray:
     """Diffuse a layer (H, W, 4) on cells whose rates are about ``clip`` to four times as much.
 
-    ``rate`` is ϱ (H, W) of its pixels, and ``share`` what a polynomial may leave out of any pattern. The result is
-    written into ``after`` if that is given.
+    ``scale`` is σ (H, W) of its pixels, ``finest`` is σ0, and ``share`` what a polynomial may leave out of any pattern.
+    The result is written into ``after`` if that is given.
     """
-    growing = hierarchy(rate, clip)
-    finest = next(growing)
-    if finest.joined.max() == 0:
-        return on_grid(layer, rate, float(rate.max()), share, after=after)
+    growing = hierarchy(scale, finest, clip)
+    pixels = next(growing)
+    if pixels.joined.max() == 0:
+        return on_grid(layer, scale, finest, largest_rate(scale, finest), share, after=after)
     after = np.empty_like(layer) if after is None else after
     degree, degree_of_cells = degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share)
-    near = meanwhile(_near, finest.joined, degree, degree_of_cells)
-    stepped = meanwhile(_step_pixels, layer, rate, near, clip, share, after)
-    levels = [finest, *growing]
+    near = meanwhile(_near, pixels.joined, degree, degree_of_cells)
+    stepped = meanwhile(_step_pixels, layer, scale, finest, near, clip, share, after)
+    levels = [pixels, *growing]
     if degree > LARGEST_FACTOR:
         stepped()  # several passes take another layer, whose memory is free before cells need some
     linked = partition(levels, near(), CAP * clip)
@@ -56,11 +56,17 @@ def adaptive(
 
 
 def _step_pixels(
-    layer: FloatArray, rate: FloatArray, near: Callable[[], np.ndarray], clip: float, share: float, after: FloatArray
+    layer: FloatArray,
+    scale: FloatArray,
+    finest: float,
+    near: Callable[[], np.ndarray],
+    clip: float,
+    share: float,
+    after: FloatArray,
 ) -> None:
     """Those that are far from larger cells."""
     others = near() < 2
-    on_grid(layer, rate, _calm(rate, others, clip, share), share, others, after)
+    on_grid(layer, scale, finest, _calm(scale, finest, others, clip, share), share, others, after)
 
 
 def _near(joined: np.ndarray, degree: int, degree_of_cells: int) -> np.ndarray:
@@ -79,13 +85,19 @@ def _near(joined: np.ndarray, degree: int, degree_of_cells: int) -> np.ndarray:
     return inner + cv2.dilate(inner, beyond)
 
 
-def _calm(rate: FloatArray, squares: np.ndarray, clip: float, share: float) -> float:
+def _calm(scale: FloatArray, finest: float, squares: np.ndarray, clip: float, share: float) -> float:
     """No less than the largest rate in some squares: the clip, for what has a face above that is not in those."""
     if degree_for(8 * clip, share) <= LARGEST_FACTOR:
         return clip
     # Several passes over the layer, or none: that is worth a look.
     calm = np.repeat(np.repeat(squares, SQUARE, axis=0), SQUARE, axis=1)
-    return min(clip, float(rate.max(where=calm[: rate.shape[0], : rate.shape[1]], initial=0)))
+    return min(clip, largest_rate(scale, finest, calm[: scale.shape[0], : scale.shape[1]]))
+
+
+def largest_rate(scale: FloatArray, finest: float, among: np.ndarray | bool = True) -> float:
+    """Largest rate of the pixels that are blurred; 0 for none."""
+    widest = float(np.fmax.reduce(scale, axis=None, where=among, initial=finest))
+    return (widest**2 - finest**2) / 2
 
 
 def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:

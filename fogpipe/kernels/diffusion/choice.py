@@ -15,11 +15,11 @@ import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray, floats, require_maps
 from fogpipe.kernels.bands import in_bands, meanwhile
-from fogpipe.kernels.diffusion.adaptive import CAP, adaptive
-from fogpipe.kernels.diffusion.grid import rates, rates_of_row
+from fogpipe.kernels.diffusion.adaptive import CAP, adaptive, largest_rate
+from fogpipe.kernels.diffusion.grid import rates
 from fogpipe.kernels.diffusion.polynomial import degree_for
 from fogpipe.kernels.diffusion.published import prepared
-from fogpipe.kernels.diffusion.rows import as_integers, count_above, largest_of
+from fogpipe.kernels.diffusion.rows import as_integers, count_above, largest_known
 from fogpipe.kernels.diffusion.tiles import in_rows, on_grid
 
 MISSED = {1.0: 0.047, 2.0: 0.035, 4.0: 0.026, 8.0: 0.0165, 16.0: 0.0125, 32.0: 0.0118}
@@ -45,6 +45,7 @@ FEWEST_PIXELS = 65_536
 """A smaller layer is quick to do on the pixels, and its cells would soon be few."""
 MOST_CELLS = 0.23
 """For each pixel, as estimated. More were seen to take more memory than three layers."""
+_CLIPS = 4.0 ** np.arange(16)
 ROUGHEST = 0.5
 """Step between neighbours over the variation, above which a layer is no photograph: 0.1 to 0.3 there, 1 in noise."""
 
@@ -71,21 +72,21 @@ def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) 
     if scale.size < FEWEST_PIXELS and layer.dtype == np.float32:
         # Costs next to nothing, and in a few pixels the rounding of hundreds of steps would not average out.
         return auto(layer.astype(np.float64), scale.astype(np.float64), finest, tolerance).astype(np.float32)
-    rate, largest, part = _surveyed(scale, finest)
-    enough = (ENOUGH * max(rate.shape)) ** 2 / 2
+    largest, part = _surveyed(scale, finest)
+    enough = (ENOUGH * max(scale.shape)) ** 2 / 2
     if largest > enough:
-        rate, largest = np.minimum(rate, rate.dtype.type(enough)), enough
-    if rate[part].size == rate.size:
-        return follow(choose(layer, rate, largest, tolerance), layer, rate)
+        scale, largest = np.minimum(scale, scale.dtype.type(_scale_of(enough, finest))), enough
+    if scale[part].size == scale.size:
+        return follow(choose(layer, scale, finest, largest, tolerance), layer, scale, finest)
     after = np.empty_like(layer)
     kept = meanwhile(_keep, layer, after, *part)
-    if rate[part].size:
-        (inside,), wanted = floats(layer[part]), np.ascontiguousarray(rate[part])
-        plan, target = choose(inside, wanted, largest, tolerance), after[part]
+    if scale[part].size:
+        inside, wanted = floats(layer[part], scale[part])
+        plan, target = choose(inside, wanted, finest, largest, tolerance), after[part]
         if target.flags.c_contiguous:
-            follow(plan, inside, wanted, target)
+            follow(plan, inside, wanted, finest, target)
         else:
-            target[...] = follow(plan, inside, wanted)
+            target[...] = follow(plan, inside, wanted, finest)
     kept()
     return after
 
@@ -93,25 +94,27 @@ def auto(layer: np.ndarray, scale: np.ndarray, finest: float, tolerance: float) 
 def reference(layer: np.ndarray, scale: np.ndarray, finest: float) -> FloatArray:
     """The equation itself, in float64: at most 1e-9 of any pattern is left out. About 300 steps for 25 px."""
     layer, scale = prepared(layer.astype(np.float64), scale, finest)
-    rate = rates(scale, finest)
-    stretches = max(1, math.ceil(float(rate.max()) / LONGEST_RATE))
-    return follow(Plan(math.inf, stretches, 1e-9 / stretches), layer, rate)
+    stretches = max(1, math.ceil(largest_rate(scale, finest) / LONGEST_RATE))
+    return follow(Plan(math.inf, stretches, 1e-9 / stretches), layer, scale, finest)
 
 
-def follow(plan: Plan, layer: FloatArray, rate: FloatArray, after: FloatArray | None = None) -> FloatArray:
-    """Diffuse a layer (H, W, 4) according to a plan, where ϱ is ``rate`` (H, W); into ``after`` if given."""
+def follow(
+    plan: Plan, layer: FloatArray, scale: FloatArray, finest: float, after: FloatArray | None = None
+) -> FloatArray:
+    """Diffuse a layer (H, W, 4) to σ = ``scale`` (H, W) according to a plan; into ``after`` if given."""
     if plan.clip < math.inf:
-        return adaptive(layer, rate, plan.clip, plan.share, after)
+        return adaptive(layer, scale, finest, plan.clip, plan.share, after)
     if plan.stretches > 1:
-        rate = rate / rate.dtype.type(plan.stretches)
-    largest = float(rate.max())
+        scale = _scale_of(rates(scale, finest) / plan.stretches, finest).astype(scale.dtype)
+    largest = largest_rate(scale, finest)
     for stretch in range(plan.stretches):
-        layer = on_grid(layer, rate, largest, plan.share, after=after if stretch == plan.stretches - 1 else None)
+        last = stretch == plan.stretches - 1
+        layer = on_grid(layer, scale, finest, largest, plan.share, after=after if last else None)
     return layer
 
 
-def choose(layer: FloatArray, rate: FloatArray, largest: float, tolerance: float) -> Plan:
-    """The cheapest plan that meets a tolerance, where ϱ is ``rate`` (H, W) and at most ``largest``."""
+def choose(layer: FloatArray, scale: FloatArray, finest: float, largest: float, tolerance: float) -> Plan:
+    """The cheapest plan that meets a tolerance, where σ is ``scale`` (H, W) and ϱ at most ``largest``."""
     variation = math.sqrt(_variance(in_rows(layer), _apart(len(layer))))
     if largest <= 0:
         return Plan(math.inf, 1, LARGEST_SHARE)
@@ -121,13 +124,14 @@ def choose(layer: FloatArray, rate: FloatArray, largest: float, tolerance: float
     detail = max(detail, 1e-6 * variation, 1e-3 * tolerance)
     whole = on_pixels(largest, tolerance / (OF_DETAIL * detail))
     plans = [(float(whole.stretches * degree_for(8 * largest / whole.stretches, whole.share)), whole)]
-    if rate.size >= FEWEST_PIXELS:
+    if scale.size >= FEWEST_PIXELS:
         for clip, missed in MISSED.items():
             left = tolerance**2 - (missed * detail) ** 2
             if clip < largest and left > 0:
                 plan = Plan(clip, 1, _bounded(math.sqrt(left) / (OF_DETAIL * detail)))
                 on_grid_degree, degree = (degree_for(8 * each, plan.share) for each in (clip, CAP * clip))
-                cells, others = _cells(rate, _apart(len(rate)), rate.dtype.type(clip), on_grid_degree)
+                limits = _scale_of(clip * _CLIPS, finest).astype(scale.dtype)
+                cells, others = _cells(scale, _apart(len(scale)), limits, on_grid_degree)
                 # In steps on the pixels, of which a step of as many cells takes five, and to set up the cells eight.
                 if cells <= MOST_CELLS:
                     plans.append((8 + 5 * cells * degree + others * on_grid_degree, plan))
@@ -150,23 +154,24 @@ def _keep(layer: FloatArray, after: FloatArray, down: slice, across: slice) -> N
         after[part] = layer[part]
 
 
-def _surveyed(scale: FloatArray, finest: float) -> tuple[FloatArray, float, tuple[slice, slice]]:
-    """ϱ, its largest value, and the rectangle beyond which no light moves and ϱ may be anything.
+def _scale_of(rate: float | FloatArray, finest: float) -> FloatArray:
+    """The σ where ϱ is ``rate``."""
+    return np.sqrt(2 * np.asarray(rate) + finest**2)
 
-    It is one pixel larger than all that is blurred.
-    """
+
+def _surveyed(scale: FloatArray, finest: float) -> tuple[float, tuple[slice, slice]]:
+    """The largest ϱ, and the rectangle beyond which no light moves: one pixel larger than all that is blurred."""
     rows, columns = scale.shape
-    rate, largest = np.empty_like(scale), np.empty(rows, scale.dtype)
+    finest_bits = as_integers(np.array([finest], scale.dtype))[0]
+    largest = np.empty(rows, scale.dtype)
     first, last = np.empty(rows, np.int64), np.empty(rows, np.int64)
-    found = rate, as_integers(rate), as_integers(largest), first, last
-    in_bands(_survey, rows, columns, scale, scale.dtype.type(finest), *found)
+    in_bands(_survey, rows, columns, as_integers(scale), finest_bits, as_integers(largest), first, last)
     blurred = np.flatnonzero(last)
     if not blurred.size:
-        return rate, 0.0, (slice(0, 0), slice(0, 0))
+        return 0.0, (slice(0, 0), slice(0, 0))
     down = slice(max(int(blurred[0]) - 1, 0), int(blurred[-1]) + 2)
     across = slice(max(int(first.min()) - 1, 0), int(last.max()) + 1)
-    rate[down][last[down] == 0] = 0
-    return rate, float(largest.max()), (down, across)
+    return (float(largest.max()) ** 2 - finest**2) / 2, (down, across)
 
 
 def _apart(rows: int) -> int:
@@ -231,27 +236,27 @@ def _variance(values, apart):
 
 
 @numba.njit(nogil=True, cache=True)
-def _cells(rate, apart, clip, reach):
+def _cells(scale, apart, limits, reach):
     """Cells for each pixel, one of 4^k pixels where ϱ is up to 4^k clips; and the share of pixels far from them.
 
     Of rows ``apart``, so the reach is doubled for what comes from above and below.
     """
-    rows, columns = rate.shape
+    rows, columns = scale.shape
     cells, near, count = 0.0, 0, 0
     for y in range(0, rows, apart):
-        row, count = rate[y], count + columns
-        joined, saved, limit = count_above(row, clip), 0.75, clip
+        row, count = scale[y], count + columns
+        joined, saved, k = count_above(row, limits[0]), 0.75, 0
         larger = joined
-        while larger:
+        while larger and k + 1 < len(limits):
             cells -= saved * larger
-            saved, limit = 0.25 * saved, 4 * limit
-            larger = count_above(row, limit)
+            saved, k = 0.25 * saved, k + 1
+            larger = count_above(row, limits[k])
         if joined == columns:
             near += columns
         elif joined:
             done = 0
             for x in range(columns):
-                if row[x] > clip:
+                if row[x] > limits[0]:
                     end = min(x + 2 * reach + 1, columns)
                     near += end - max(done, x - 2 * reach)
                     done = end
@@ -259,18 +264,18 @@ def _cells(rate, apart, clip, reach):
 
 
 @numba.njit(nogil=True, cache=True)
-def _survey(begin, end, scale, finest, rate, bits, largest, first, last):
-    """Rates of rows that are blurred, the largest in each, the first column that is and the one after the last."""
+def _survey(begin, end, scale, finest, largest, first, last):
+    """The largest scale of each row, the first column that is blurred and the one after the last; 0 for none.
+
+    Of scales as integers.
+    """
     columns = scale.shape[1]
     for y in range(begin, end):
-        row, largest[y], first[y], last[y] = rate[y], 0, columns, 0
-        if count_above(scale[y], finest):
-            rates_of_row(scale[y], finest, row)
-            largest[y] = largest_of(bits[y])
-        if largest[y] > 0:
+        largest[y], first[y], last[y] = largest_known(scale[y]), columns, 0
+        if largest[y] > finest:
             left, right = 0, columns
-            while not row[left] > 0:
+            while not finest < scale[y, left] <= largest[y]:
                 left += 1
-            while not row[right - 1] > 0:
+            while not finest < scale[y, right - 1] <= largest[y]:
                 right -= 1
             first[y], last[y] = left, right

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fogpipe.kernels.diffusion.rows import end_of_run, face, flags, mass_of, next_flag
+from fogpipe.kernels.diffusion.rows import end_of_run, face, flags, mass_of, mean_rate, next_flag
 
 WEAK = 0.1
 """A face inside a cell that is this much weaker than the one beside it has a way round it."""
@@ -14,7 +14,9 @@ _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, least, coarse_east, coarse_south):
+def coarsen(
+    first, last, scale, finest, mass, east, south, joined, whole, full, blur, least, coarse_east, coarse_south
+):
     """Resistances 1/G add along the way between the centres of joined cells, conductances side by side.
 
     Most cells have ``full`` mass, as those beside them: these are done in runs, of which the compiler makes vectors.
@@ -27,8 +29,8 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
         x = next_flag(0, alike, alike_eights)
         while x < columns:
             end = end_of_run(x, alike, alike_eights)
-            if rate.size:
-                _among_pixels(y, x, end, rate, blur, least, coarse_east, coarse_south)
+            if scale.size:
+                _among_pixels(y, x, end, scale, finest, blur, least, coarse_east, coarse_south)
             else:
                 _along(y, x, end, east, blur, least, coarse_east)
                 _down(y, x, end, south, blur, least, coarse_south)
@@ -37,10 +39,10 @@ def coarsen(first, last, rate, mass, east, south, joined, whole, full, blur, lea
         while x < columns:
             part = joined[y, x]
             if x + 1 < columns:
-                flow = _to_east(y, x, part, joined[y, x + 1], rate, mass, east)
+                flow = _to_east(y, x, part, joined[y, x + 1], scale, finest, mass, east)
                 coarse_east[y, x] = max(flow - blur, least * flow)
             if y + 1 < rows:
-                flow = _to_south(y, x, part, joined[y + 1, x], rate, mass, south)
+                flow = _to_south(y, x, part, joined[y + 1, x], scale, finest, mass, south)
                 coarse_south[y, x] = max(flow - blur, least * flow)
             x = next_flag(x + 1, others, eights)
 
@@ -56,30 +58,26 @@ def _sort(ours, beneath, full, alike, others):
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
-def _among_pixels(y, x, end, rate, blur, least, coarse_east, coarse_south):
+def _among_pixels(y, x, end, scale, finest, blur, least, coarse_east, coarse_south):
     """Of whole cells of two by two pixels in a row. Conductances are means of two rates."""
-    half, row, j = rate.dtype.type(0.5), np.uintp(y), _TWO * np.uintp(y)
-    upper, lower, below, beyond = j, j + _ONE, j + _TWO, j + _TWO + _ONE
+    row, j = np.uintp(y), _TWO * np.uintp(y)
+    upper, lower, below, beyond = scale[j], scale[j + _ONE], scale[j + _TWO], scale[j + _TWO + _ONE]
     for cell in range(np.uintp(x), np.uintp(end)):
         i = _TWO * cell
-        k, m, n = i + _ONE, i + _TWO, i + _TWO + _ONE
-        flow = _in_line(
-            rate[upper, i] + rate[upper, k], rate[upper, k] + rate[upper, m], rate[upper, m] + rate[upper, n]
-        )
-        flow += _in_line(
-            rate[lower, i] + rate[lower, k], rate[lower, k] + rate[lower, m], rate[lower, m] + rate[lower, n]
-        )
-        coarse_east[row, cell] = max(half * flow - blur, least * half * flow)
+        flow = _among_four(upper[i], upper[i + _ONE], upper[i + _TWO], upper[i + _TWO + _ONE], finest)
+        flow += _among_four(lower[i], lower[i + _ONE], lower[i + _TWO], lower[i + _TWO + _ONE], finest)
+        coarse_east[row, cell] = max(flow - blur, least * flow)
     for cell in range(np.uintp(x), np.uintp(end)):
         i = _TWO * cell
         k = i + _ONE
-        flow = _in_line(
-            rate[upper, i] + rate[lower, i], rate[lower, i] + rate[below, i], rate[below, i] + rate[beyond, i]
-        )
-        flow += _in_line(
-            rate[upper, k] + rate[lower, k], rate[lower, k] + rate[below, k], rate[below, k] + rate[beyond, k]
-        )
-        coarse_south[row, cell] = max(half * flow - blur, least * half * flow)
+        flow = _among_four(upper[i], lower[i], below[i], beyond[i], finest)
+        flow += _among_four(upper[k], lower[k], below[k], beyond[k], finest)
+        coarse_south[row, cell] = max(flow - blur, least * flow)
+
+
+@numba.njit(nogil=True, fastmath={"contract"}, error_model="numpy", inline="always")
+def _among_four(a, b, c, d, finest):
+    return _in_line(mean_rate(a, b, finest), mean_rate(b, c, finest), mean_rate(c, d, finest))
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
@@ -115,7 +113,7 @@ def _in_line(before, middle, after):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _to_east(y, x, part, beside, rate, mass, east):
+def _to_east(y, x, part, beside, scale, finest, mass, east):
     """Between a cell with parts missing, or next to one, and that to its east."""
     flow, i, none = mass.dtype.type(0), 2 * x, mass.dtype.type(0)
     for lower in range(2):
@@ -123,22 +121,22 @@ def _to_east(y, x, part, beside, rate, mass, east):
         if ours & 2 and other & 1:
             a = mass_of(j, i, mass) if ours & 1 else none
             d = mass_of(j, i + 3, mass) if other & 2 else none
-            after = face(j, i + 2, j, i + 3, rate, east) if other & 2 else none
-            faces = face(j, i, j, i + 1, rate, east), face(j, i + 1, j, i + 2, rate, east), after
+            after = face(j, i + 2, j, i + 3, scale, finest, east) if other & 2 else none
+            faces = face(j, i, j, i + 1, scale, finest, east), face(j, i + 1, j, i + 2, scale, finest, east), after
             flow += _in_series(a, mass_of(j, i + 1, mass), mass_of(j, i + 2, mass), d, faces)
     return flow
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _to_south(y, x, part, below, rate, mass, south):
+def _to_south(y, x, part, below, scale, finest, mass, south):
     flow, j, none = mass.dtype.type(0), 2 * y, mass.dtype.type(0)
     for right in range(2):
         ours, other, i = part >> right, below >> right, 2 * x + right
         if ours & 4 and other & 1:
             a = mass_of(j, i, mass) if ours & 1 else none
             d = mass_of(j + 3, i, mass) if other & 4 else none
-            after = face(j + 2, i, j + 3, i, rate, south) if other & 4 else none
-            faces = face(j, i, j + 1, i, rate, south), face(j + 1, i, j + 2, i, rate, south), after
+            after = face(j + 2, i, j + 3, i, scale, finest, south) if other & 4 else none
+            faces = face(j, i, j + 1, i, scale, finest, south), face(j + 1, i, j + 2, i, scale, finest, south), after
             flow += _in_series(a, mass_of(j + 1, i, mass), mass_of(j + 2, i, mass), d, faces)
     return flow
 

@@ -17,6 +17,7 @@ from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.coarsening import coarsen
 from fogpipe.kernels.diffusion.joining import join
+from fogpipe.kernels.diffusion.rows import rate_of
 
 LEAST_SHARE = 0.25
 """Part of its square that a cell must fill to be joined again: the tip of something else would only drag it along."""
@@ -32,14 +33,16 @@ class Level(NamedTuple):
 
     Attributes
     ----------
-    rate : ϱ of pixels, whose conductance is the mean of both sides and whose mass is 1. Empty for larger cells.
+    scale, finest : σ of pixels, and σ0. A pixel has the mass 1, and the conductance to another is the mean of both
+        their ϱ. Empty for larger cells.
     mass : pixels in a cell, 0 for none. Empty for pixels, as are the conductances.
     east, south : conductances to the next column and row, in px² per unit of time; 0 in the last one.
     joined : (H/2, W/2) uint8, which of two by two cells are joined to one of the next level: 1, 2, 4, 8 by rows.
     alone : the same of those that are not.
     """
 
-    rate: FloatArray
+    scale: FloatArray
+    finest: np.floating
     mass: FloatArray
     east: FloatArray
     south: FloatArray
@@ -49,7 +52,7 @@ class Level(NamedTuple):
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of cells."""
-        rows, columns = (self.mass if self.mass.size else self.rate).shape
+        rows, columns = (self.mass if self.mass.size else self.scale).shape
         return rows, columns
 
 
@@ -60,23 +63,23 @@ def rates(scale: FloatArray, finest: float) -> FloatArray:
     return rate
 
 
-def hierarchy(rate: FloatArray, clip: float) -> Iterator[Level]:
+def hierarchy(scale: FloatArray, finest: float, clip: float) -> Iterator[Level]:
     """Levels of cells, beginning with the pixels, until nothing is left to join."""
-    real, nothing = rate.dtype.type, np.empty((0, 0), rate.dtype)
-    cells = rate, nothing, nothing, nothing
-    rows, columns = rate.shape
+    real, nothing = scale.dtype.type, np.empty((0, 0), scale.dtype)
+    cells = scale, real(finest), nothing, nothing, nothing
+    rows, columns = scale.shape
     square = 1
     while True:
         strong = real(clip if min(rows, columns) > 2 else np.inf)  # so few cells are left as they are
         joined, alone = (np.empty(((rows + 1) // 2, (columns + 1) // 2), np.uint8) for _ in range(2))
-        mass, east, south = (np.empty(joined.shape, rate.dtype) for _ in range(3))
+        mass, east, south = (np.empty(joined.shape, scale.dtype) for _ in range(3))
         in_bands(join, *joined.shape, *cells, strong, real(LEAST_SHARE * square), joined, alone, mass)
         yield Level(*cells, joined, alone)
         if joined.max() == 0:
             return
         full, blur, least = real(4 * square), real(BLUR * square), real(max(1 - BLUR / clip, LEAST_LEFT))
         in_bands(coarsen, *joined.shape, *cells, joined, mass, full, blur, least, east, south)
-        cells = nothing, mass, east, south
+        cells = nothing, real(finest), mass, east, south
         rows, columns = joined.shape
         square *= 4
 
@@ -84,11 +87,5 @@ def hierarchy(rate: FloatArray, clip: float) -> Iterator[Level]:
 @numba.njit(nogil=True, cache=True)
 def _rates(first, last, scale, finest, rate):
     for y in range(first, last):
-        rates_of_row(scale[y], finest, rate[y])
-
-
-@numba.njit(nogil=True, cache=True)
-def rates_of_row(scale, finest, rate):
-    half, zero, known = scale.dtype.type(0.5), scale.dtype.type(0), finest * finest
-    for x in range(len(scale)):
-        rate[x] = half * (scale[x] * scale[x] - known) if scale[x] > finest else zero
+        for x in range(np.uintp(scale.shape[1])):
+            rate[y, x] = rate_of(scale[y, x], finest)

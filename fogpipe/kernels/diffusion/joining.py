@@ -9,20 +9,20 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fogpipe.kernels.diffusion.rows import flags, next_flag
+from fogpipe.kernels.diffusion.rows import flags, mean_rate, next_flag
 
 _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
 @numba.njit(nogil=True, cache=True)
-def join(first, last, rate, mass, east, south, clip, least, joined, alone, coarse_mass):
+def join(first, last, scale, finest, mass, east, south, clip, least, joined, alone, coarse_mass):
     """Of each two by two cells with a strong face, those that such faces connect: the most mass, if not all."""
-    pixels, width = rate.size > 0, 2 * joined.shape[1] + 2
-    rows, columns = rate.shape if pixels else mass.shape
+    pixels, width = scale.size > 0, 2 * joined.shape[1] + 2
+    rows, columns = scale.shape if pixels else mass.shape
     upper, lower = np.zeros(width, mass.dtype), np.zeros(width, mass.dtype)  # no mass behind the last column
     above, ours, beneath = np.zeros(width, np.uint8), np.zeros(width, np.uint8), np.zeros(width, np.uint8)
     mixed, eights = flags(joined.shape[1])
-    level = rate, mass, east, south, clip
+    level = scale, finest, mass, east, south, clip
     upper[:columns] = lower[:columns] = 1
     if first > 0:
         _strong_faces(2 * first - 1, *level, beneath)
@@ -34,8 +34,8 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
         if pixels and 2 * y + 1 < rows:
             _join_pixels(*faces, *found)
         else:
-            _load_masses(2 * y, rate, mass, upper)
-            _load_masses(2 * y + 1, rate, mass, lower)
+            _load_masses(2 * y, scale, mass, upper)
+            _load_masses(2 * y + 1, scale, mass, lower)
             _join_all_or_none(upper, lower, *faces, least, *found)
         x = next_flag(0, mixed, eights)
         while x < joined.shape[1]:
@@ -69,24 +69,24 @@ def join(first, last, rate, mass, east, south, clip, least, joined, alone, coars
 
 
 @numba.njit(nogil=True, cache=True)
-def _load_masses(y, rate, mass, masses):
+def _load_masses(y, scale, mass, masses):
     """Of a row of cells; 0 beyond the last one."""
-    if y >= max(len(rate), len(mass)):
+    if y >= max(len(scale), len(mass)):
         masses[:] = 0
-    elif rate.size:
-        masses[: rate.shape[1]] = 1
+    elif scale.size:
+        masses[: scale.shape[1]] = 1
     else:
         masses[: mass.shape[1]] = mass[y]
 
 
 @numba.njit(nogil=True, cache=True)
-def _strong_faces(y, rate, mass, east, south, clip, strong):
+def _strong_faces(y, scale, finest, mass, east, south, clip, strong):
     """Of the cells of a row, 1 for a strong face to the east, 2 for one to the south, 3 for both."""
-    rows = len(rate) if rate.size else len(mass)
+    rows = len(scale) if scale.size else len(mass)
     if y >= rows:
         strong[:] = 0
-    elif rate.size:
-        _strong_of_pixels(rate[y], rate[min(y + 1, rows - 1)], clip, strong)
+    elif scale.size:
+        _strong_of_pixels(scale[y], scale[min(y + 1, rows - 1)], finest, clip, strong)
     else:
         _strong_of_cells(mass[y], mass[min(y + 1, rows - 1)], east[y], south[y], clip, strong)
     if y == rows - 1:
@@ -95,12 +95,13 @@ def _strong_faces(y, rate, mass, east, south, clip, strong):
 
 
 @numba.njit(nogil=True, cache=True)
-def _strong_of_pixels(here, below, clip, strong):
-    twice, last = clip + clip, np.uintp(len(here) - 1)
+def _strong_of_pixels(here, below, finest, clip, strong):
+    last = np.uintp(len(here) - 1)
     for x in range(last):
-        to_east, to_south = here[x] + here[x + _ONE] > twice, here[x] + below[x] > twice
+        to_east = mean_rate(here[x], here[x + _ONE], finest) > clip
+        to_south = mean_rate(here[x], below[x], finest) > clip
         strong[x] = np.uint8(to_east) | np.uint8(to_south) << np.uint8(1)
-    strong[last] = np.uint8(here[last] + below[last] > twice) << np.uint8(1)
+    strong[last] = np.uint8(mean_rate(here[last], below[last], finest) > clip) << np.uint8(1)
 
 
 @numba.njit(nogil=True, cache=True)

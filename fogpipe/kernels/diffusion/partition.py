@@ -58,7 +58,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Callable[[],
     for own in alone:
         rows.append(_counted(own, starts[-1]))
         starts.append(int(rows[-1][-1]))
-    count, dtype = starts[-1], levels[0].rate.dtype
+    count, dtype = starts[-1], levels[0].scale.dtype
     places, mass = np.empty(count, np.int32), np.empty(count, dtype)
     neighbours, weights = np.empty((count, 4), np.uint32), np.empty((count, 4), dtype)
     leaving, coarser = np.empty(count, dtype), np.empty(count, np.uint8)
@@ -68,7 +68,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Callable[[],
         coarse, numbers = numbers, np.empty(level.shape, np.int32)
         in_bands(_number, *own.shape, level.mass, level.joined, own, rim, rows[k], coarse, numbers, places, mass)
         # Coarser cells are done, and a link needs no more of finer ones than their links back.
-        conductances, limits = (level.rate, level.east, level.south), (dtype.type(cap), starts[k + 1])
+        conductances, limits = (level.scale, level.finest, level.east, level.south), (dtype.type(cap), starts[k + 1])
         cells = places, mass, neighbours, weights, leaving, coarser
         in_bands(_links, *own.shape, *conductances, numbers, rows[k], *limits, *cells)
     turned = meanwhile(_turned, coarser, neighbours, weights, mass, starts[1], leaving)
@@ -168,8 +168,9 @@ def _inherit(top, joined, coarse, numbers):
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _links(
-    first, last, rate, east, south, numbers, starts, cap, end, places, mass, neighbours, weights, leaving, coarser
-):
+    first, last, scale, finest, east, south, numbers, starts, cap, end,
+    places, mass, neighbours, weights, leaving, coarser,
+):  # fmt: skip
     """The four of each cell, and which of them go to one from number ``end`` on: 1, 2, 4, 8."""
     rows, columns = np.uintp(numbers.shape[0]), np.uintp(numbers.shape[1])
     none, zero, cells = np.int32(-1), mass.dtype.type(0), (mass, neighbours, weights)
@@ -181,13 +182,13 @@ def _links(
             at_west = at_east = at_north = at_south = none
             to_west = to_east = to_north = to_south = zero
             if i > 0:
-                at_west, to_west = numbers[j, i - _ONE], face(j, i - _ONE, j, i, rate, east)
+                at_west, to_west = numbers[j, i - _ONE], face(j, i - _ONE, j, i, scale, finest, east)
             if i + _ONE < columns:
-                at_east, to_east = numbers[j, i + _ONE], face(j, i, j, i + _ONE, rate, east)
+                at_east, to_east = numbers[j, i + _ONE], face(j, i, j, i + _ONE, scale, finest, east)
             if j > 0:
-                at_north, to_north = numbers[j - _ONE, i], face(j - _ONE, i, j, i, rate, south)
+                at_north, to_north = numbers[j - _ONE, i], face(j - _ONE, i, j, i, scale, finest, south)
             if j + _ONE < rows:
-                at_south, to_south = numbers[j + _ONE, i], face(j, i, j + _ONE, i, rate, south)
+                at_south, to_south = numbers[j + _ONE, i], face(j, i, j + _ONE, i, scale, finest, south)
             found = _link(number, 0, at_west, to_west, cap, end, *cells)
             found |= _link(number, 1, at_east, to_east, cap, end, *cells)
             found |= _link(number, 2, at_north, to_north, cap, end, *cells)

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from fogpipe.kernels.channels import SPLIT, fetch, load_many, merge, split, store
+from fogpipe.kernels.diffusion.rows import mean_rate
 
 COLUMNS = 512
 """Of a tile with its margins."""
@@ -46,22 +47,22 @@ def place_above(place, rows):
 
 
 @numba.njit(nogil=True, cache=True)
-def load_row(y, place, x0, x1, begin, end, layer, rate, spectrum, rows):
+def load_row(y, place, x0, x1, begin, end, layer, scale, finest, spectrum, rows):
     """Columns ``begin`` to ``end`` of a row, as seen from x0, of a tile that ends at x1; and their conductances."""
-    zero, half, share = rate.dtype.type(0), rate.dtype.type(0.5), rate.dtype.type(2) / spectrum
+    zero, half, share = type(spectrum)(0), type(spectrum)(0.5), type(spectrum)(4) / spectrum
     last, x = np.uintp(x1 - x0), np.uintp(x0)
     begin, behind = _vectors(begin, end)
     end = min(behind, last)
     start = place + _LANES
-    here, next_row, pixels = rate[y], rate[min(y + 1, len(rate) - 1)], layer[y]
+    here, below, pixels = scale[y], scale[min(y + 1, len(scale) - 1)], layer[y]
     b = start + _EAST
     for i in range(begin, min(end, last - _ONE)):
-        rows[b + i] = min(share * (here[x + i] + here[x + i + _ONE]), half)
+        rows[b + i] = min(share * mean_rate(here[x + i], here[x + i + _ONE], finest), half)
     if end == last:
         rows[b + last - _ONE] = zero
     b = start + _SOUTH
     for i in range(begin, end):
-        rows[b + i] = min(share * (here[x + i] + next_row[x + i]), half) if y + 1 < len(rate) else zero
+        rows[b + i] = min(share * mean_rate(here[x + i], below[x + i], finest), half) if y + 1 < len(scale) else zero
     whole = begin + (end - begin) // _LANES * _LANES
     for i in range(begin, whole, _LANES):
         split(pixels, _FOUR * (x + i), rows, start + i, _WIDTH)

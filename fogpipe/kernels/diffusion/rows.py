@@ -1,4 +1,4 @@
-"""Cells of a level one by one and row by row. What pixels have is made from their rates as it is needed."""
+"""Cells of a level one by one and row by row. What pixels have is made from their scales as it is needed."""
 
 from __future__ import annotations
 
@@ -38,9 +38,22 @@ def mass_of(y, x, mass):
 
 
 @numba.njit(nogil=True, cache=True)
-def face(y, x, j, i, rate, conductance):
+def rate_of(scale, finest):
+    """ϱ = (σ² − σ0²)/2 of a pixel, in px² per unit of time; 0 where σ is unknown or below σ0."""
+    half, zero = type(finest)(0.5), type(finest)(0)
+    return half * (scale * scale - finest * finest) if scale > finest else zero
+
+
+@numba.njit(nogil=True, cache=True)
+def mean_rate(scale, beside, finest):
+    """Conductance between two pixels."""
+    return type(finest)(0.5) * (rate_of(scale, finest) + rate_of(beside, finest))
+
+
+@numba.njit(nogil=True, cache=True)
+def face(y, x, j, i, scale, finest, conductance):
     """Conductance between a cell and the next one, (j, i), to the east or south."""
-    return rate.dtype.type(0.5) * (rate[y, x] + rate[j, i]) if rate.size else conductance[y, x]
+    return mean_rate(scale[y, x], scale[j, i], finest) if scale.size else conductance[y, x]
 
 
 @numba.njit(nogil=True, cache=True)
@@ -63,4 +76,13 @@ def largest_of(bits):
     most = bits.dtype.type(0)
     for i in range(np.uintp(len(bits))):
         most = max(most, bits[i])
+    return most
+
+
+@numba.njit(nogil=True, cache=True)
+def largest_known(bits):
+    """The same of floats and their signs, where what is negative or NaN is passed over."""
+    most, infinite = bits.dtype.type(0), bits.dtype.type(0x7F800000 if bits.itemsize == 4 else 0x7FF0000000000000)
+    for i in range(np.uintp(len(bits))):
+        most = max(most, bits[i] if bits[i] <= infinite else bits.dtype.type(0))
     return most

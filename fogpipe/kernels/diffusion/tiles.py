@@ -26,7 +26,7 @@ from fogpipe.kernels.diffusion.rolling import (
     step_row,
     store_row,
 )
-from fogpipe.kernels.diffusion.rows import as_integers, largest_of
+from fogpipe.kernels.diffusion.rows import as_integers, largest_known, largest_of
 
 LEAST_ROWS, ROWS = 64, 16
 """Of a tile: at least so many, and so many for each step, since in all each step computes one more above and below."""
@@ -36,7 +36,8 @@ SQUARE = 2
 
 def on_grid(
     layer: FloatArray,
-    rate: FloatArray,
+    scale: FloatArray,
+    finest: float,
     largest: float,
     share: float,
     wanted: np.ndarray | None = None,
@@ -46,7 +47,7 @@ def on_grid(
 
     Parameters
     ----------
-    rate : ϱ (H, W); between two neighbours, the mean of both.
+    scale, finest : σ (H, W) and σ0. The rate between two neighbours is the mean of both ϱ = (σ² − σ0²)/2.
     largest : rates above this, which only squares that are not wanted may have, are taken to be this.
     share : of any pattern, left out at most.
     wanted : of squares of ``SQUARE`` pixels, those that are computed; the others may hold anything. None for all.
@@ -69,8 +70,9 @@ def on_grid(
         height, width = max(LEAST_ROWS, ROWS * margin), COLUMNS - 2 * margin
         # Those that follow take what they need from beyond the squares that are wanted.
         where = _around(wanted.view(np.uint8), sum(len(each) - 1 for each in factors[number + 1 :]))
-        limits = as_integers(spectra / 8)
-        arguments = (height, width, in_rows(layer), rate, as_integers(rate), where, spectra, limits, series)
+        limits = as_integers(np.sqrt(spectra / 4 + finest * finest, dtype=layer.dtype))  # the scales of these rates
+        scales = scale, as_integers(scale), scale.dtype.type(finest), as_integers(np.array([finest], scale.dtype))[0]
+        arguments = (height, width, in_rows(layer), *scales, where, spectra, limits, series)
         in_bands(_tiles, -(-rows // height) * -(-columns // width), height * width, *arguments, in_rows(after))
         layer = after
     return layer
@@ -108,8 +110,10 @@ def _in_precision(series: np.ndarray, dtype: np.dtype) -> np.ndarray:
 
 
 @numba.njit(nogil=True, cache=True)
-def _tiles(first, last, height, width, layer, rate, bits, wanted, spectra, limits, series, after):
-    rows, columns = rate.shape
+def _tiles(
+    first, last, height, width, layer, scale, bits, finest, bits_of_finest, wanted, spectra, limits, series, after
+):
+    rows, columns = scale.shape
     margin, strips = series.shape[1] - 1, (columns + width - 1) // width
     held = records(margin, layer)
     begins = np.empty((margin + 1, height + 2 * margin + 2), np.int64)
@@ -121,18 +125,18 @@ def _tiles(first, last, height, width, layer, rate, bits, wanted, spectra, limit
         y0, y1 = _find_parts(wanted, top, bottom, left, right, x0, x1, rows, *parts)
         above = top - margin - 1  # row of the first place in parts
         most = min(_largest(y0, y1, above, x0, bits, *parts), limits[-1])
-        if most == 0:
+        if most <= bits_of_finest:
             _copy(max(top, y0), min(bottom, y1), above, x0, layer, *parts, after)
             continue
         kind = 0
         while limits[kind] < most:
             kind += 1
         held[:] = 0  # of another tile
-        _roll(y0, y1, above, bottom, x0, x1, layer, rate, spectra[kind], series[kind], *parts, held, after)
+        _roll(y0, y1, above, bottom, x0, x1, layer, scale, finest, spectra[kind], series[kind], *parts, held, after)
 
 
 @numba.njit(nogil=True, cache=True)
-def _roll(y0, y1, above, bottom, x0, x1, layer, rate, spectrum, series, begins, ends, held, after):
+def _roll(y0, y1, above, bottom, x0, x1, layer, scale, finest, spectrum, series, begins, ends, held, after):
     """Load rows y0 to y1 of a tile one by one; each step follows the one before it, a row behind."""
     degree = len(series) - 1
     while degree > 1 and series[degree] == 0:
@@ -142,8 +146,8 @@ def _roll(y0, y1, above, bottom, x0, x1, layer, rate, spectrum, series, begins, 
         if y < y1:
             begin, end = begins[degree, y - above], ends[degree, y - above]
             if begin < end:
-                load_row(y, place, x0, x1, begin, end, layer, rate, spectrum, held)
-        elif y == len(rate):
+                load_row(y, place, x0, x1, begin, end, layer, scale, finest, spectrum, held)
+        elif y == len(scale):
             load_nothing(place, held)
         for step in range(1, min(y - y0, degree) + 1):
             place, row = place_above(place, held), y - step
@@ -189,12 +193,12 @@ def _find_parts(wanted, top, bottom, left, right, x0, x1, rows, begins, ends):
 
 @numba.njit(nogil=True, cache=True)
 def _largest(y0, y1, above, x0, bits, begins, ends):
-    """Of the rates that are loaded at most; 0 for none."""
+    """Of the scales that are loaded; 0 for none."""
     most = bits.dtype.type(0)
     for y in range(y0, y1):
         begin, end = begins[-1, y - above], ends[-1, y - above]
         if begin < end:
-            most = max(most, largest_of(bits[y, x0 + begin : x0 + end]))
+            most = max(most, largest_known(bits[y, x0 + begin : x0 + end]))
     return most
 
 

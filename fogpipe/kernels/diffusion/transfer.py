@@ -53,8 +53,8 @@ def spread(
     real = held.dtype.type
     for k in range(len(levels) - 1, -1, -1):
         if k + 1 < len(levels):
-            (_, whole, east, south, _, _), level = levels[k + 1], levels[k]
-            ways = (whole, real(4 ** (k + 1)), east, south, real(WEAK * clip / 4))
+            level, above = levels[k], levels[k + 1]
+            ways = above.mass, real(4 ** (k + 1)), above.east, above.south, real(WEAK * clip / 4)
             in_bands(_fill, *level.joined.shape, level.joined, level.mass, *ways, below[k + 1], below[k])
         first, last = cells.starts[k : k + 2]
         in_bands(_give, last - first, 1, held[4 * first : 4 * last], cells.places[first:last], below[k].reshape(-1))
