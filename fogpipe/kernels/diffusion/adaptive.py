@@ -17,10 +17,10 @@ from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands, meanwhile
 from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.grid import hierarchy
-from fogpipe.kernels.diffusion.partition import Partition, partition
+from fogpipe.kernels.diffusion.partition import LinksBack, Partition, links_back, partition
 from fogpipe.kernels.diffusion.polynomial import LARGEST_FACTOR, coefficients, degree_for, quantised
 from fogpipe.kernels.diffusion.tiles import SQUARE, on_grid
-from fogpipe.kernels.diffusion.transfer import averaged, collected, spread
+from fogpipe.kernels.diffusion.transfer import gathered, spread
 
 RIM = 2
 """Squares at most around those that are taken from the cells: what is missing beyond shows in the last of these."""
@@ -36,7 +36,7 @@ def adaptive(
     ``scale`` is σ (H, W) of its pixels, ``finest`` is σ0, and ``share`` what a polynomial may leave out of any pattern.
     The result is written into ``after`` if that is given.
     """
-    growing = hierarchy(scale, finest, clip)
+    growing = hierarchy(scale, finest, clip, CAP * clip)
     pixels = next(growing)
     if pixels.joined.max() == 0:
         return on_grid(layer, scale, finest, largest_rate(scale, finest), share, after=after)
@@ -47,9 +47,10 @@ def adaptive(
     levels = [pixels, *growing]
     if degree > LARGEST_FACTOR:
         stepped()  # several passes take another layer, whose memory is free before cells need some
-    linked = partition(levels, near(), CAP * clip)
-    values, cells = averaged(layer, levels), linked()
-    held = _evened(collected(values, cells), cells, share)
+    cells = partition(levels, near(), CAP * clip)
+    back = meanwhile(links_back, cells)
+    values, held = gathered(layer, levels, cells)
+    held = _evened(held, cells, back(), share)
     stepped()
     spread(held, cells, levels, values, after, clip)
     return after
@@ -100,16 +101,16 @@ def largest_rate(scale: FloatArray, finest: float, among: np.ndarray | bool = Tr
     return (widest**2 - finest**2) / 2
 
 
-def _evened(held: FloatArray, cells: Partition, share: float) -> FloatArray:
+def _evened(held: FloatArray, cells: Partition, back: LinksBack, share: float) -> FloatArray:
     """Diffused for a unit of time, by Clenshaw's recurrence b(k) = c(k) F + 2 X b(k+1) − b(k+2), X = 1 − 2A/λ.
 
     It begins with b(m) = c(m) F and ends with c(0) F + X b(1) − b(2).
     """
-    spectrum = quantised(2 * float(cells.leaving.max(initial=0)))
+    spectrum = quantised(2 * back.leaving)
     if spectrum == 0:
         return held
     real, links = held.dtype.type, (cells.neighbours.ravel(), cells.weights.ravel())
-    links = *links, cells.starts[1], cells.first, cells.finer, cells.rates
+    links = *links, cells.starts[1], back.first, back.finer, back.rates
     *series, last = coefficients(spectrum, degree_for(spectrum, share))
     now, of_now, older, of_older = held, last, held, 0.0
     for k in range(len(series) - 1, -1, -1):

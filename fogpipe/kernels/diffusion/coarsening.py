@@ -14,9 +14,7 @@ _ONE, _TWO = np.uintp(1), np.uintp(2)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def coarsen(
-    first, last, scale, finest, mass, east, south, joined, whole, full, blur, least, coarse_east, coarse_south
-):
+def coarsen(first, last, scale, finest, mass, east, south, joined, whole, full, blur, least, coarse_east, coarse_south):
     """Resistances 1/G add along the way between the centres of joined cells, conductances side by side.
 
     Most cells have ``full`` mass, as those beside them: these are done in runs, of which the compiler makes vectors.

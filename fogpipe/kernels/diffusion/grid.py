@@ -26,6 +26,8 @@ BLUR = 0.5
 """What means over two cells and interpolation between such means blur, as ϱ, in squares of the smaller cells."""
 LEAST_LEFT = 0.4
 """Of a conductance, when that is taken off it."""
+FEW_CELLS = 8192
+"""Of a level, which are joined only where the links between them would be capped: fewer would take no less time."""
 
 
 class Level(NamedTuple):
@@ -63,14 +65,14 @@ def rates(scale: FloatArray, finest: float) -> FloatArray:
     return rate
 
 
-def hierarchy(scale: FloatArray, finest: float, clip: float) -> Iterator[Level]:
-    """Levels of cells, beginning with the pixels, until nothing is left to join."""
+def hierarchy(scale: FloatArray, finest: float, clip: float, cap: float) -> Iterator[Level]:
+    """Levels of cells, beginning with the pixels, until nothing is left to join; ``cap`` as for the partition."""
     real, nothing = scale.dtype.type, np.empty((0, 0), scale.dtype)
     cells = scale, real(finest), nothing, nothing, nothing
     rows, columns = scale.shape
     square = 1
     while True:
-        strong = real(clip if min(rows, columns) > 2 else np.inf)  # so few cells are left as they are
+        strong = real(np.inf if min(rows, columns) <= 2 else cap if rows * columns <= FEW_CELLS else clip)
         joined, alone = (np.empty(((rows + 1) // 2, (columns + 1) // 2), np.uint8) for _ in range(2))
         mass, east, south = (np.empty(joined.shape, scale.dtype) for _ in range(3))
         in_bands(join, *joined.shape, *cells, strong, real(LEAST_SHARE * square), joined, alone, mass)

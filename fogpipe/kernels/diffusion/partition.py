@@ -7,14 +7,13 @@ smaller cell many times over, so that one polynomial of a low degree serves them
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from fogpipe.kernels.arrays import FloatArray
-from fogpipe.kernels.bands import in_bands, meanwhile
+from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.grid import Level
 from fogpipe.kernels.diffusion.rows import face, flags, next_flag
 
@@ -25,28 +24,41 @@ class Partition(NamedTuple):
     Attributes
     ----------
     starts : number of the first cell of each level, and of all.
+    rows : in each level, number of the first cell of each two rows, and of all.
     places : (N,) where a cell is in its level, counted row by row; −1 less that for the rim, which gets nothing back.
     mass : (N,) pixels in a cell.
     neighbours : (N, 4) to the west, east, north and south; the cell itself where there is none.
     weights : (N, 4) G/m of the links to them, 0 for none.
-    leaving : (N,) what leaves a cell in a unit of time, over what it holds: half of what eigenvalues may be.
-    first, finer, rates : the links of cell ``starts[1] + k`` to finer ones are ``first[k]`` to ``first[k + 1]`` of
-        ``finer``, their numbers, and ``rates``, G/m.
+    coarser : (N,) which of the neighbours are on a coarser level: 1, 2, 4, 8.
     """
 
     starts: list[int]
+    rows: list[np.ndarray]
     places: np.ndarray
     mass: FloatArray
     neighbours: np.ndarray
     weights: FloatArray
-    leaving: FloatArray
+    coarser: np.ndarray
+
+
+class LinksBack(NamedTuple):
+    """The links of coarser cells to finer ones.
+
+    Attributes
+    ----------
+    first, finer, rates : those of cell ``starts[1] + k`` are ``first[k]`` to ``first[k + 1]`` of ``finer``, the numbers
+        of the finer cells, and ``rates``, G/m.
+    leaving : the largest part of what any cell holds that leaves it in a unit of time: half of what an eigenvalue may be.
+    """
+
     first: np.ndarray
     finer: np.ndarray
     rates: FloatArray
+    leaving: float
 
 
-def partition(levels: list[Level], near: np.ndarray, cap: float) -> Callable[[], Partition]:
-    """Number the cells, and link them. What is returned waits for the links to be turned round, too.
+def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
+    """Number the cells, and link them to cells as large as they are and larger ones.
 
     Parameters
     ----------
@@ -61,7 +73,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Callable[[],
     count, dtype = starts[-1], levels[0].scale.dtype
     places, mass = np.empty(count, np.int32), np.empty(count, dtype)
     neighbours, weights = np.empty((count, 4), np.uint32), np.empty((count, 4), dtype)
-    leaving, coarser = np.empty(count, dtype), np.empty(count, np.uint8)
+    coarser = np.empty(count, np.uint8)
     numbers = np.empty((0, 0), np.int32)
     for k in range(len(levels) - 1, -1, -1):
         level, own, rim = levels[k], alone[k], near[: len(near) if k == 0 else 0]
@@ -69,10 +81,15 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Callable[[],
         in_bands(_number, *own.shape, level.mass, level.joined, own, rim, rows[k], coarse, numbers, places, mass)
         # Coarser cells are done, and a link needs no more of finer ones than their links back.
         conductances, limits = (level.scale, level.finest, level.east, level.south), (dtype.type(cap), starts[k + 1])
-        cells = places, mass, neighbours, weights, leaving, coarser
+        cells = places, mass, neighbours, weights, coarser
         in_bands(_links, *own.shape, *conductances, numbers, rows[k], *limits, *cells)
-    turned = meanwhile(_turned, coarser, neighbours, weights, mass, starts[1], leaving)
-    return lambda: Partition(starts, places, mass, neighbours, weights, leaving, *turned())
+    return Partition(starts, rows, places, mass, neighbours, weights, coarser)
+
+
+def links_back(cells: Partition) -> LinksBack:
+    """The links to coarser cells turned round: listed for those."""
+    first, finer, rates = _turned(cells.coarser, cells.neighbours, cells.weights, cells.mass, cells.starts[1])
+    return LinksBack(first, finer, rates, _most_leaving(cells.weights, cells.starts[1], first, rates))
 
 
 _ONE, _TWO = np.uintp(1), np.uintp(2)
@@ -169,7 +186,7 @@ def _inherit(top, joined, coarse, numbers):
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _links(
     first, last, scale, finest, east, south, numbers, starts, cap, end,
-    places, mass, neighbours, weights, leaving, coarser,
+    places, mass, neighbours, weights, coarser,
 ):  # fmt: skip
     """The four of each cell, and which of them go to one from number ``end`` on: 1, 2, 4, 8."""
     rows, columns = np.uintp(numbers.shape[0]), np.uintp(numbers.shape[1])
@@ -193,8 +210,6 @@ def _links(
             found |= _link(number, 1, at_east, to_east, cap, end, *cells)
             found |= _link(number, 2, at_north, to_north, cap, end, *cells)
             coarser[number] = found | _link(number, 3, at_south, to_south, cap, end, *cells)
-            own = weights[number]
-            leaving[number] = (own[0] + own[1]) + (own[2] + own[3])
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -207,8 +222,7 @@ def _link(number, side, other, flow, cap, end, mass, neighbours, weights):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _turned(coarser, neighbours, weights, mass, start, leaving):
-    """The links to coarser cells, listed for those: see ``Partition``. What leaves by them is added."""
+def _turned(coarser, neighbours, weights, mass, start):
     most, count = 4 * np.count_nonzero(coarser), 0
     links, others, flows = np.empty(most, np.uint32), np.empty(most, np.uint32), np.empty(most, mass.dtype)
     first = np.zeros(len(mass) - start + 1, np.int64)
@@ -226,6 +240,18 @@ def _turned(coarser, neighbours, weights, mass, start, leaving):
         other = others[link]
         k = place[other]
         finer[k], rates[k] = links[link], flows[link] / mass[start + other]
-        leaving[start + other] += rates[k]
         place[other] = k + 1
     return first, finer, rates
+
+
+@numba.njit(nogil=True, cache=True)
+def _most_leaving(weights, start, first, rates):
+    most = weights.dtype.type(0)
+    for number in range(np.uintp(len(weights))):
+        own = weights[number]
+        leaving = (own[0] + own[1]) + (own[2] + own[3])
+        if number >= start:
+            for link in range(first[number - start], first[number - start + 1]):
+                leaving += rates[link]
+        most = max(most, leaving)
+    return most

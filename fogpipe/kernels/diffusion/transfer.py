@@ -19,25 +19,20 @@ from fogpipe.kernels.diffusion.tiles import in_rows
 _ONE, _FOUR, _EIGHT = np.uintp(1), np.uintp(4), np.uintp(8)
 
 
-def averaged(layer: FloatArray, levels: list[Level]) -> list[FloatArray]:
-    """The layer (H, W, 4) in rows of four numbers a cell, and for each further level the means over its cells."""
-    values = [in_rows(layer)]
-    for level, above in itertools.pairwise(levels):
+def gathered(layer: FloatArray, levels: list[Level], cells: Partition) -> tuple[list[FloatArray], FloatArray]:
+    """The layer (H, W, 4) in rows of four numbers a cell, and for each further level the means over its cells.
+
+    And what each cell of the partition holds, four numbers one after the other (4 N).
+    """
+    values, held = list(floats(in_rows(layer))), np.empty(4 * len(cells.mass), layer.dtype)
+    for k, (level, above) in enumerate(itertools.pairwise(levels)):
         rows, columns = above.shape
-        coarse = np.empty((rows, 4 * columns), layer.dtype)
-        full = layer.dtype.type(4 ** len(values))
-        (fine,) = floats(values[-1])
-        in_bands(_average, rows, columns, fine, level.mass, level.joined, above.mass, full, coarse)
+        coarse, full = np.empty((rows, 4 * columns), layer.dtype), layer.dtype.type(4 ** (k + 1))
+        means = level.mass, level.joined, above.mass, full, coarse
+        in_bands(_gather, rows, columns, values[k], *means, cells.rows[k], cells.places, held)
         values.append(coarse)
-    return values
-
-
-def collected(values: list[FloatArray], cells: Partition) -> FloatArray:
-    """What each cell holds, four numbers one after the other (4 N)."""
-    held = np.empty(4 * len(cells.mass), values[0].dtype)
-    for own, (first, last) in zip(values, itertools.pairwise(cells.starts), strict=True):
-        in_bands(_collect, last - first, 1, own.ravel(), cells.places[first:last], held[4 * first : 4 * last])
-    return held
+    _collect(0, len(levels[-1].joined), values[-1].ravel(), cells.rows[-1], cells.places, held)
+    return values, held
 
 
 def spread(
@@ -51,13 +46,24 @@ def spread(
     """Write what the cells hold into their pixels, but for those of the rim."""
     below = [in_rows(after), *values[1:]]
     real = held.dtype.type
-    for k in range(len(levels) - 1, -1, -1):
-        if k + 1 < len(levels):
-            level, above = levels[k], levels[k + 1]
-            ways = above.mass, real(4 ** (k + 1)), above.east, above.south, real(WEAK * clip / 4)
-            in_bands(_fill, *level.joined.shape, level.joined, level.mass, *ways, below[k + 1], below[k])
-        first, last = cells.starts[k : k + 2]
-        in_bands(_give, last - first, 1, held[4 * first : 4 * last], cells.places[first:last], below[k].reshape(-1))
+    _give(0, len(levels[-1].joined), held, cells.rows[-1], cells.places, below[-1].reshape(-1))
+    for k in range(len(levels) - 2, -1, -1):
+        level, above = levels[k], levels[k + 1]
+        ways = above.mass, real(4 ** (k + 1)), above.east, above.south, real(WEAK * clip / 4)
+        found = held, cells.rows[k], cells.places
+        in_bands(_spread, *level.joined.shape, level.joined, level.mass, *ways, below[k + 1], *found, below[k])
+
+
+@numba.njit(nogil=True, cache=True)
+def _gather(first, last, values, mass, joined, whole, full, coarse, starts, places, held):
+    _average(first, last, values, mass, joined, whole, full, coarse)
+    _collect(first, last, values.ravel(), starts, places, held)
+
+
+@numba.njit(nogil=True, cache=True)
+def _spread(first, last, joined, mass, whole, full, east, south, weakest, coarse, held, starts, places, values):
+    _fill(first, last, joined, mass, whole, full, east, south, weakest, coarse, values)
+    _give(first, last, held, starts, places, values.reshape(values.size))
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -95,15 +101,15 @@ def _mean_of_four(upper, lower, coarse):
 
 
 @numba.njit(nogil=True, cache=True)
-def _collect(first, last, values, places, held):
-    for number in range(np.uintp(first), np.uintp(last)):
+def _collect(first, last, values, starts, places, held):
+    for number in range(np.uintp(starts[first]), np.uintp(starts[last])):
         place = max(places[number], -1 - places[number])
         store(held, _FOUR * number, load(values, _FOUR * np.uintp(place)))
 
 
 @numba.njit(nogil=True, cache=True)
-def _give(first, last, held, places, values):
-    for number in range(np.uintp(first), np.uintp(last)):
+def _give(first, last, held, starts, places, values):
+    for number in range(np.uintp(starts[first]), np.uintp(starts[last])):
         if places[number] >= 0:
             store(values, _FOUR * np.uintp(places[number]), load(held, _FOUR * number))
 
