@@ -210,11 +210,11 @@ def _mean_square(values, down, across, apart):
     rows, columns = values.shape[0] - down, values.shape[1] - across
     total, count = 0.0, 0
     for y in range(0, rows, apart):
-        here, there = values[y, :columns], values[y + down, across:]
+        here, there, squares = values[y, :columns], values[y + down, across:], values.dtype.type(0)
         for i in range(np.uintp(columns)):
-            difference = float(there[i] - here[i])
-            total += difference * difference
-        count += columns
+            difference = there[i] - here[i]
+            squares += difference * difference
+        total, count = total + squares, count + columns
     return total / max(count, 1)
 
 

@@ -29,6 +29,7 @@ class Partition(NamedTuple):
     mass : (N,) pixels in a cell.
     neighbours : (N, 4) to the west, east, north and south; the cell itself where there is none.
     weights : (N, 4) G/m of the links to them, 0 for none.
+    leaving : (N,) what leaves a cell by these links in a unit of time, over what it holds.
     coarser : (N,) which of the neighbours are on a coarser level: 1, 2, 4, 8.
     """
 
@@ -38,6 +39,7 @@ class Partition(NamedTuple):
     mass: FloatArray
     neighbours: np.ndarray
     weights: FloatArray
+    leaving: FloatArray
     coarser: np.ndarray
 
 
@@ -73,7 +75,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
     count, dtype = starts[-1], levels[0].scale.dtype
     places, mass = np.empty(count, np.int32), np.empty(count, dtype)
     neighbours, weights = np.empty((count, 4), np.uint32), np.empty((count, 4), dtype)
-    coarser = np.empty(count, np.uint8)
+    leaving, coarser = np.empty(count, dtype), np.empty(count, np.uint8)
     numbers = np.empty((0, 0), np.int32)
     for k in range(len(levels) - 1, -1, -1):
         level, own, rim = levels[k], alone[k], near[: len(near) if k == 0 else 0]
@@ -81,15 +83,16 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
         in_bands(_number, *own.shape, level.mass, level.joined, own, rim, rows[k], coarse, numbers, places, mass)
         # Coarser cells are done, and a link needs no more of finer ones than their links back.
         conductances, limits = (level.scale, level.finest, level.east, level.south), (dtype.type(cap), starts[k + 1])
-        cells = places, mass, neighbours, weights, coarser
+        cells = places, mass, neighbours, weights, leaving, coarser
         in_bands(_links, *own.shape, *conductances, numbers, rows[k], *limits, *cells)
-    return Partition(starts, rows, places, mass, neighbours, weights, coarser)
+    return Partition(starts, rows, places, mass, neighbours, weights, leaving, coarser)
 
 
 def links_back(cells: Partition) -> LinksBack:
     """The links to coarser cells turned round: listed for those."""
-    first, finer, rates = _turned(cells.coarser, cells.neighbours, cells.weights, cells.mass, cells.starts[1])
-    return LinksBack(first, finer, rates, _most_leaving(cells.weights, cells.starts[1], first, rates))
+    links, start = (cells.coarser, cells.neighbours, cells.weights, cells.mass), cells.starts[1]
+    first, finer, rates, leaving = _turned(*links, start, cells.leaving[start:].copy())
+    return LinksBack(first, finer, rates, float(max(cells.leaving[:start].max(initial=0), leaving.max(initial=0))))
 
 
 _ONE, _TWO = np.uintp(1), np.uintp(2)
@@ -186,7 +189,7 @@ def _inherit(top, joined, coarse, numbers):
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _links(
     first, last, scale, finest, east, south, numbers, starts, cap, end,
-    places, mass, neighbours, weights, coarser,
+    places, mass, neighbours, weights, leaving, coarser,
 ):  # fmt: skip
     """The four of each cell, and which of them go to one from number ``end`` on: 1, 2, 4, 8."""
     rows, columns = np.uintp(numbers.shape[0]), np.uintp(numbers.shape[1])
@@ -210,6 +213,8 @@ def _links(
             found |= _link(number, 1, at_east, to_east, cap, end, *cells)
             found |= _link(number, 2, at_north, to_north, cap, end, *cells)
             coarser[number] = found | _link(number, 3, at_south, to_south, cap, end, *cells)
+            own = weights[number]
+            leaving[number] = (own[0] + own[1]) + (own[2] + own[3])
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -222,7 +227,7 @@ def _link(number, side, other, flow, cap, end, mass, neighbours, weights):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def _turned(coarser, neighbours, weights, mass, start):
+def _turned(coarser, neighbours, weights, mass, start, leaving):
     most, count = 4 * np.count_nonzero(coarser), 0
     links, others, flows = np.empty(most, np.uint32), np.empty(most, np.uint32), np.empty(most, mass.dtype)
     first = np.zeros(len(mass) - start + 1, np.int64)
@@ -240,18 +245,6 @@ def _turned(coarser, neighbours, weights, mass, start):
         other = others[link]
         k = place[other]
         finer[k], rates[k] = links[link], flows[link] / mass[start + other]
+        leaving[other] += rates[k]
         place[other] = k + 1
-    return first, finer, rates
-
-
-@numba.njit(nogil=True, cache=True)
-def _most_leaving(weights, start, first, rates):
-    most = weights.dtype.type(0)
-    for number in range(np.uintp(len(weights))):
-        own = weights[number]
-        leaving = (own[0] + own[1]) + (own[2] + own[3])
-        if number >= start:
-            for link in range(first[number - start], first[number - start + 1]):
-                leaving += rates[link]
-        most = max(most, leaving)
-    return most
+    return first, finer, rates, leaving
