@@ -45,7 +45,6 @@ FEWEST_PIXELS = 65_536
 """A smaller layer is quick to do on the pixels, and its cells would soon be few."""
 MOST_CELLS = 0.23
 """For each pixel, as estimated. More were seen to take more memory than three layers."""
-_CLIPS = 4.0 ** np.arange(16)
 ROUGHEST = 0.5
 """Step between neighbours over the variation, above which a layer is no photograph: 0.1 to 0.3 there, 1 in noise."""
 
@@ -105,7 +104,7 @@ def follow(
     if plan.clip < math.inf:
         return adaptive(layer, scale, finest, plan.clip, plan.share, after)
     if plan.stretches > 1:
-        scale = _scale_of(rates(scale, finest) / plan.stretches, finest).astype(scale.dtype)
+        scale = np.sqrt(2 * rates(scale, finest) / scale.dtype.type(plan.stretches) + scale.dtype.type(finest**2))
     largest = largest_rate(scale, finest)
     for stretch in range(plan.stretches):
         last = stretch == plan.stretches - 1
@@ -130,8 +129,8 @@ def choose(layer: FloatArray, scale: FloatArray, finest: float, largest: float, 
             if clip < largest and left > 0:
                 plan = Plan(clip, 1, _bounded(math.sqrt(left) / (OF_DETAIL * detail)))
                 on_grid_degree, degree = (degree_for(8 * each, plan.share) for each in (clip, CAP * clip))
-                limits = _scale_of(clip * _CLIPS, finest).astype(scale.dtype)
-                cells, others = _cells(scale, _apart(len(scale)), limits, on_grid_degree)
+                limit = scale.dtype.type(_scale_of(clip, finest))
+                cells, others = _cells(scale, _apart(len(scale)), scale.dtype.type(finest), limit, on_grid_degree)
                 # In steps on the pixels, of which a step of as many cells takes five, and to set up the cells eight.
                 if cells <= MOST_CELLS:
                     plans.append((8 + 5 * cells * degree + others * on_grid_degree, plan))
@@ -154,9 +153,9 @@ def _keep(layer: FloatArray, after: FloatArray, down: slice, across: slice) -> N
         after[part] = layer[part]
 
 
-def _scale_of(rate: float | FloatArray, finest: float) -> FloatArray:
+def _scale_of(rate: float, finest: float) -> float:
     """The σ where ϱ is ``rate``."""
-    return np.sqrt(2 * np.asarray(rate) + finest**2)
+    return math.sqrt(2 * rate + finest**2)
 
 
 def _surveyed(scale: FloatArray, finest: float) -> tuple[float, tuple[slice, slice]]:
@@ -166,12 +165,11 @@ def _surveyed(scale: FloatArray, finest: float) -> tuple[float, tuple[slice, sli
     largest = np.empty(rows, scale.dtype)
     first, last = np.empty(rows, np.int64), np.empty(rows, np.int64)
     in_bands(_survey, rows, columns, as_integers(scale), finest_bits, as_integers(largest), first, last)
-    blurred = np.flatnonzero(last)
-    if not blurred.size:
+    widest, top, bottom, left, right = _extent(largest, first, last)
+    if bottom == 0:
         return 0.0, (slice(0, 0), slice(0, 0))
-    down = slice(max(int(blurred[0]) - 1, 0), int(blurred[-1]) + 2)
-    across = slice(max(int(first.min()) - 1, 0), int(last.max()) + 1)
-    return (float(largest.max()) ** 2 - finest**2) / 2, (down, across)
+    part = slice(max(top - 1, 0), bottom + 1), slice(max(left - 1, 0), right + 1)
+    return (widest**2 - finest**2) / 2, part
 
 
 def _apart(rows: int) -> int:
@@ -236,31 +234,43 @@ def _variance(values, apart):
 
 
 @numba.njit(nogil=True, cache=True)
-def _cells(scale, apart, limits, reach):
-    """Cells for each pixel, one of 4^k pixels where ϱ is up to 4^k clips; and the share of pixels far from them.
+def _cells(scale, apart, finest, clip, reach):
+    """Cells for each pixel, one of 4^k pixels where ϱ is up to 4^k times what it is for the scale ``clip``.
 
-    Of rows ``apart``, so the reach is doubled for what comes from above and below.
+    And the share of pixels far from cells of several. Of rows ``apart``, so the reach is doubled for what comes from
+    above and below.
     """
     rows, columns = scale.shape
     cells, near, count = 0.0, 0, 0
     for y in range(0, rows, apart):
         row, count = scale[y], count + columns
-        joined, saved, k = count_above(row, limits[0]), 0.75, 0
+        joined, limit, saved = count_above(row, clip), clip, 0.75
         larger = joined
-        while larger and k + 1 < len(limits):
+        while larger:
             cells -= saved * larger
-            saved, k = 0.25 * saved, k + 1
-            larger = count_above(row, limits[k])
+            saved, limit = 0.25 * saved, np.sqrt(4 * (limit * limit - finest * finest) + finest * finest)
+            larger = count_above(row, limit)
         if joined == columns:
             near += columns
         elif joined:
             done = 0
             for x in range(columns):
-                if row[x] > limits[0]:
+                if row[x] > clip:
                     end = min(x + 2 * reach + 1, columns)
                     near += end - max(done, x - 2 * reach)
                     done = end
     return (cells + near) / count, 1 - near / count
+
+
+@numba.njit(nogil=True, cache=True)
+def _extent(largest, first, last):
+    """The largest scale, and the first row and the one after the last that are blurred, and the same of columns."""
+    widest, left, right, top, bottom = largest[0], first[0], last[0], 0, 0
+    for y in range(len(largest)):
+        widest, left, right = max(widest, largest[y]), min(left, first[y]), max(right, last[y])
+        if last[y]:
+            top, bottom = (top if bottom else y), y + 1
+    return widest, top, bottom, left, right
 
 
 @numba.njit(nogil=True, cache=True)

@@ -27,7 +27,7 @@ BLUR = 0.5
 LEAST_LEFT = 0.4
 """Of a conductance, when that is taken off it."""
 FEW_CELLS = 8192
-"""Of a level, which are joined only where the links between them would be capped: fewer would take no less time."""
+"""Of a level, which are not joined if no link between whole ones would be capped: fewer would take no less time."""
 
 
 class Level(NamedTuple):
@@ -70,9 +70,10 @@ def hierarchy(scale: FloatArray, finest: float, clip: float, cap: float) -> Iter
     real, nothing = scale.dtype.type, np.empty((0, 0), scale.dtype)
     cells = scale, real(finest), nothing, nothing, nothing
     rows, columns = scale.shape
-    square = 1
+    square, (_, _, _, east, south) = 1, cells
     while True:
-        strong = real(np.inf if min(rows, columns) <= 2 else cap if rows * columns <= FEW_CELLS else clip)
+        few = rows * columns <= FEW_CELLS and square > 1 and max(east.max(), south.max()) <= cap * square
+        strong = real(np.inf if few or min(rows, columns) <= 2 else clip)
         joined, alone = (np.empty(((rows + 1) // 2, (columns + 1) // 2), np.uint8) for _ in range(2))
         mass, east, south = (np.empty(joined.shape, scale.dtype) for _ in range(3))
         in_bands(join, *joined.shape, *cells, strong, real(LEAST_SHARE * square), joined, alone, mass)

@@ -50,7 +50,7 @@ class LinksBack(NamedTuple):
     ----------
     first, finer, rates : those of cell ``starts[1] + k`` are ``first[k]`` to ``first[k + 1]`` of ``finer``, the numbers
         of the finer cells, and ``rates``, G/m.
-    leaving : the largest part of what any cell holds that leaves it in a unit of time: half of what an eigenvalue may be.
+    leaving : the largest part of what a cell holds that leaves it in a unit of time: half of what eigenvalues may be.
     """
 
     first: np.ndarray

@@ -84,7 +84,7 @@ def passes(spectrum: float, degree: int) -> tuple[np.ndarray, ...]:
 
 def quantised(spectrum: float) -> float:
     """An upper bound of eigenvalues on a scale of fixed steps, so that series can be kept."""
-    return float(2 ** (np.ceil(8 * np.log2(spectrum)) / 8)) if spectrum > 0 else 0.0
+    return 2 ** (math.ceil(8 * math.log2(spectrum)) / 8) if spectrum > 0 else 0.0
 
 
 def _dealt(units: list[np.ndarray], count: int) -> list[np.ndarray]:

@@ -82,6 +82,8 @@ def _around(wanted: np.ndarray, reach: int) -> np.ndarray:
     """Those squares, and all that are not farther from them than so many pixels."""
     import cv2
 
+    if reach == 0:
+        return wanted
     size = 2 * -(-reach // SQUARE) + 1
     return cv2.dilate(wanted, np.ones((size, size), np.uint8))
 
