@@ -40,17 +40,22 @@ PER_THREAD = 4
 """Bands for each thread. Where some rows take longer than others, a thread that is done early takes the next."""
 
 
-def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: Any) -> None:
-    """Call ``kernel(first, last, *arguments)`` on bands that cover ``rows`` rows of ``columns`` pixels."""
+def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: Any, last_first: bool = False) -> None:
+    """Call ``kernel(first, last, *arguments)`` on bands that cover ``rows`` rows of ``columns`` pixels.
+
+    The first rows are begun first, or the last ones: for where these take longest, and had better not be left over
+    to the end.
+    """
     workers = max(1, min(_threads, rows, rows * columns // MIN_PIXELS_PER_BAND))
     if workers == 1:
         kernel(0, rows, *arguments)
         return
     count = max(workers, min(PER_THREAD * workers, rows, rows * columns // MIN_PIXELS_PER_BAND))
-    bands = iter([(rows * band // count, rows * (band + 1) // count) for band in range(count)])
+    bands = [(rows * band // count, rows * (band + 1) // count) for band in range(count)]
+    left = iter(bands[::-1] if last_first else bands)
 
     def work() -> None:
-        for first, last in bands:
+        for first, last in left:
             kernel(first, last, *arguments)
 
     with ExitStack() as others:  # all of which are waited for, whoever fails; not those that are busy elsewhere

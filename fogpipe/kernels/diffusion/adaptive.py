@@ -117,7 +117,8 @@ def _evened(held: FloatArray, cells: Partition, back: LinksBack, share: float) -
         twice = of_now * (2 if k else 1)
         factors = real(series[k]), real(twice), real(twice * 2 / spectrum), real(of_older)
         after = np.empty_like(held) if older is held else older
-        in_bands(_step, len(cells.mass), 1, *links, held, now, older, *factors, after)
+        # The larger cells, which come last, take longest.
+        in_bands(_step, len(cells.mass), 1, *links, held, now, older, *factors, after, last_first=True)
         now, of_now, older, of_older = after, 1.0, now, of_now
     return now
 
