@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from contextlib import ExitStack
 from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any
@@ -51,17 +50,25 @@ def in_bands(kernel: Callable[..., None], rows: int, columns: int, *arguments: A
         kernel(0, rows, *arguments)
         return
     count = max(workers, min(PER_THREAD * workers, rows, rows * columns // MIN_PIXELS_PER_BAND))
-    bands = [(rows * band // count, rows * (band + 1) // count) for band in range(count)]
-    left = iter(bands[::-1] if last_first else bands)
+    bands = iter(range(count - 1, -1, -1) if last_first else range(count))
 
     def work() -> None:
-        for first, last in left:
-            kernel(first, last, *arguments)
+        for band in bands:
+            kernel(rows * band // count, rows * (band + 1) // count, *arguments)
 
-    with ExitStack() as others:  # all of which are waited for, whoever fails; not those that are busy elsewhere
-        for _ in range(1, workers):
-            others.callback(meanwhile(work))
+    others = [meanwhile(work) for _ in range(1, workers)]
+    try:
         work()
+    finally:
+        _wait_for(others)  # who are all waited for, whoever fails; not those that are busy elsewhere
+
+
+def _wait_for(others: list[Callable[[], Any]]) -> None:
+    if others:
+        try:
+            others.pop()()
+        finally:
+            _wait_for(others)
 
 
 def meanwhile(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
