@@ -19,6 +19,7 @@ from fogpipe.kernels.channels import load, store
 from fogpipe.kernels.diffusion.grid import hierarchy
 from fogpipe.kernels.diffusion.partition import LinksBack, Partition, links_back, partition
 from fogpipe.kernels.diffusion.polynomial import LARGEST_FACTOR, coefficients, degree_for, quantised
+from fogpipe.kernels.diffusion.rows import largest_of
 from fogpipe.kernels.diffusion.tiles import SQUARE, on_grid
 from fogpipe.kernels.diffusion.transfer import gathered, spread
 
@@ -38,9 +39,9 @@ def adaptive(
     """
     growing = hierarchy(scale, finest, clip, CAP * clip)
     pixels = next(growing)
-    if pixels.joined.max() == 0:
+    if largest_of(pixels.joined.reshape(-1)) == 0:
         return on_grid(layer, scale, finest, largest_rate(scale, finest), share, after=after)
-    after = np.empty_like(layer) if after is None else after
+    after = np.empty(layer.shape, layer.dtype) if after is None else after
     degree, degree_of_cells = degree_for(8 * clip, share), degree_for(quantised(8 * CAP * clip), share)
     near = meanwhile(_near, pixels.joined, degree, degree_of_cells)
     stepped = meanwhile(_step_pixels, layer, scale, finest, near, clip, share, after)

@@ -17,7 +17,7 @@ from fogpipe.kernels.arrays import FloatArray
 from fogpipe.kernels.bands import in_bands
 from fogpipe.kernels.diffusion.coarsening import coarsen
 from fogpipe.kernels.diffusion.joining import join
-from fogpipe.kernels.diffusion.rows import rate_of
+from fogpipe.kernels.diffusion.rows import largest_of, rate_of
 
 LEAST_SHARE = 0.25
 """Part of its square that a cell must fill to be joined again: the tip of something else would only drag it along."""
@@ -78,7 +78,7 @@ def hierarchy(scale: FloatArray, finest: float, clip: float, cap: float) -> Iter
         mass, east, south = (np.empty(joined.shape, scale.dtype) for _ in range(3))
         in_bands(join, *joined.shape, *cells, strong, real(LEAST_SHARE * square), joined, alone, mass)
         yield Level(*cells, joined, alone)
-        if joined.max() == 0:
+        if largest_of(joined.reshape(-1)) == 0:
             return
         full, blur, least = real(4 * square), real(BLUR * square), real(max(1 - BLUR / clip, LEAST_LEFT))
         in_bands(coarsen, *joined.shape, *cells, joined, mass, full, blur, least, east, south)

@@ -67,7 +67,7 @@ def partition(levels: list[Level], near: np.ndarray, cap: float) -> Partition:
     near : of squares of two by two pixels, 2 or 1 for those whose pixels are numbered, 1 for the rim.
     cap : largest G/m of a link for the smaller of its cells.
     """
-    alone = [levels[0].alone * (near > 0), *(level.alone for level in levels[1:])]
+    alone = [levels[0].alone * (near > 0).view(np.uint8), *(level.alone for level in levels[1:])]
     starts, rows = [0], []  # of each level, and in it of each two rows
     for own in alone:
         rows.append(_counted(own, starts[-1]))
