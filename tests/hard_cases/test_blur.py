@@ -8,7 +8,6 @@ import pytest
 from fogpipe.kernels import bands
 from fogpipe.kernels.diffusion import SOLVERS, reference
 from fogpipe.kernels.diffusion.choice import Plan, follow
-from fogpipe.kernels.diffusion.grid import rates
 from fogpipe.kernels.diffusion.published import prepared
 from fogpipe.stages.blur import diffusion
 
@@ -16,7 +15,7 @@ from fogpipe.stages.blur import diffusion
 def on_cells(layer, scale, finest, max_rate, tolerance):
     """What auto does on large photographs; these small layers it would do on their pixels."""
     layer, scale = prepared(layer, scale, finest)
-    return follow(Plan(2.0, 1, 0.01), layer, rates(scale, finest))
+    return follow(Plan(2.0, 1, 0.01), layer, scale, finest)
 
 
 SOLVERS = SOLVERS | {"cells": on_cells}

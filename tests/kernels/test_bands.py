@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import time
+import weakref
 
 import numpy as np
 import pytest
@@ -92,4 +94,79 @@ def test_who_waits_for_what_nobody_has_begun_does_it_himself():
         assert busy()
     finally:
         go_on.set()
+        bands.set_threads(before)
+
+
+def test_bands_begin_with_the_last_one_if_told_so():
+    before = bands.threads()
+    bands.set_threads(2)
+    try:
+        order = []
+        bands.in_bands(lambda first, last: order.append(first), 1000, 100_000, last_first=True)
+        assert max(order) in order[:2]  # two begin at once
+        assert 0 in order[-2:]
+    finally:
+        bands.set_threads(before)
+
+
+def test_all_threads_are_waited_for_though_one_fails():
+    before = bands.threads()
+    bands.set_threads(3)
+    begun, go_on, done = threading.Semaphore(0), threading.Event(), []
+
+    def fail_or_wait(first, last):
+        if not begun.acquire(timeout=0):
+            begun.release(10)
+            go_on.wait(60)
+            raise ArithmeticError("the first")
+        go_on.set()
+        time.sleep(0.05)
+        done.append((first, last))
+
+    try:
+        with pytest.raises(ArithmeticError, match="the first"):
+            bands.in_bands(fail_or_wait, 12, 1_000_000)
+        count = len(done)
+        assert count
+        time.sleep(0.2)
+        assert len(done) == count, "a band was still at it"
+    finally:
+        bands.set_threads(before)
+
+
+def test_a_thread_lets_go_of_what_it_has_worked_on():
+    before = bands.threads()
+    bands.set_threads(2)
+    try:
+        held = np.zeros(10)
+        seen = weakref.ref(held)
+        began = threading.Event()
+        wait = bands.meanwhile(lambda array: began.set(), held)
+        assert began.wait(60)  # by the other thread, as nobody waits yet
+        wait()
+        del wait, held
+        for _ in range(100):
+            if seen() is None:
+                break
+            time.sleep(0.01)
+        assert seen() is None
+    finally:
+        bands.set_threads(before)
+
+
+def test_threads_end_when_another_number_of_them_is_wanted():
+    def alive() -> int:
+        return sum(thread.name == "fogpipe-band" for thread in threading.enumerate())
+
+    before = bands.threads()
+    try:
+        for count in (3, 2, 1):
+            bands.set_threads(count)
+            bands.in_bands(add_one, 1000, 100_000, np.zeros(1000))
+            for _ in range(200):
+                if alive() == count - 1:
+                    break
+                time.sleep(0.01)
+            assert alive() == count - 1
+    finally:
         bands.set_threads(before)

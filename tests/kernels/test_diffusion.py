@@ -14,7 +14,6 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from fogpipe.io.scenes import open_scene
 from fogpipe.kernels.diffusion import SOLVERS, adi, auto, fed, reference
 from fogpipe.kernels.diffusion.choice import MISSED, Plan, choose, follow
-from fogpipe.kernels.diffusion.grid import rates
 from fogpipe.kernels.diffusion.polynomial import coefficients, degree_for, passes
 from fogpipe.kernels.diffusion.published import euler, fed_steps
 
@@ -125,8 +124,9 @@ def test_passes_multiply_to_the_whole_polynomial_and_keep_rounding_small(spectru
 
 def test_the_smaller_the_tolerance_the_smaller_the_cells():
     layer, ratio = yardstick("motorcycle")
-    rate = rates((1 + 24 * ratio**1.5).astype(np.float32), 1.0)
-    clips = [choose(layer, rate, float(rate.max()), tolerance).clip for tolerance in (1e-2, 2e-3, 3e-4, 1e-5)]
+    scale = (1 + 24 * ratio**1.5).astype(np.float32)
+    largest = (float(scale.max()) ** 2 - 1) / 2
+    clips = [choose(layer, scale, 1.0, largest, tolerance).clip for tolerance in (1e-2, 2e-3, 3e-4, 1e-5)]
     assert clips == sorted(clips)
     assert clips[0] == min(MISSED)
     assert clips[-1] == math.inf
@@ -134,7 +134,7 @@ def test_the_smaller_the_tolerance_the_smaller_the_cells():
 
 def test_noise_is_blurred_on_its_pixels():
     noise = np.random.default_rng(0).random((280, 400, 4), dtype=np.float32)
-    assert choose(noise, np.full((280, 400), 312, np.float32), 312, 2e-3).clip == math.inf
+    assert choose(noise, np.full((280, 400), 25, np.float32), 1.0, 312, 2e-3).clip == math.inf
 
 
 def test_a_long_edge_against_what_stays_sharp():
@@ -152,7 +152,7 @@ def test_no_seam_of_tiles_or_levels(plan):
     rows, columns = np.indices((230, 410))
     layer = np.repeat((np.sin(rows / 31) * np.cos(columns / 47))[..., None], 4, axis=2).astype(np.float32)
     scale = 3 + 20 * columns / 410
-    error = follow(plan, layer, rates(scale.astype(np.float32), 1.0)) - reference(layer, scale, 1.0)
+    error = follow(plan, layer, scale.astype(np.float32), 1.0) - reference(layer, scale, 1.0)
     # From a pixel to the next the error changes by less than the slope of the layer, 1/31, moved by a tenth of a blur.
     for axis in (0, 1):
         assert np.abs(np.diff(error, axis=axis)).max() <= 0.1 * scale.min() / 31
@@ -169,10 +169,7 @@ def test_the_reference_is_what_euler_converges_to(frame):
     # First order: half the rate, half the error.
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
     assert errors[1] / errors[2] == pytest.approx(2, rel=0.1)
-    assert (
-        rms(follow(Plan(math.inf, 1, 1e-6), layer.astype(np.float64), rates(scale.astype(np.float64), 1.0)) - exact)
-        < 1e-6
-    )
+    assert rms(follow(Plan(math.inf, 1, 1e-6), layer.astype(np.float64), scale.astype(np.float64), 1.0) - exact) < 1e-6
 
 
 def test_fed_and_adi_come_near(frame):
@@ -202,11 +199,11 @@ def test_the_mean_is_conserved_and_a_constant_stays(shape, plan):
     rng = np.random.default_rng(1)
     scale = rng.choice([1.0, 3.0, 25.0], shape).astype(np.float32)
     layer = rng.random((*shape, 4), dtype=np.float32)
-    after = follow(plan, layer, rates(scale, 1.0))
+    after = follow(plan, layer, scale, 1.0)
     assert np.isfinite(after).all()
     # Rates of neighbours cancel; float32 rounding of up to a hundred steps.
     np.testing.assert_allclose(after.mean((0, 1), dtype=float), layer.mean((0, 1), dtype=float), atol=1e-5)
-    constant = follow(plan, np.full_like(layer, 0.3), rates(scale, 1.0))
+    constant = follow(plan, np.full_like(layer, 0.3), scale, 1.0)
     np.testing.assert_allclose(constant, 0.3, rtol=2e-5)
 
 

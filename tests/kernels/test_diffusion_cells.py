@@ -9,14 +9,14 @@ import pytest
 from fogpipe.kernels import bands
 from fogpipe.kernels.diffusion import reference
 from fogpipe.kernels.diffusion.adaptive import adaptive
-from fogpipe.kernels.diffusion.grid import Level, hierarchy, rates
-from fogpipe.kernels.diffusion.partition import Partition, partition
-from fogpipe.kernels.diffusion.rows import as_integers, end_of_run, flags, largest_of, next_flag
+from fogpipe.kernels.diffusion.grid import FEW_CELLS, Level, hierarchy
+from fogpipe.kernels.diffusion.partition import Partition, links_back, partition
+from fogpipe.kernels.diffusion.rows import as_integers, end_of_run, flags, largest_known, largest_of, next_flag
 
 
 def cells_of(scale: np.ndarray, clip: float = 2.0, cap: float = 4.0) -> tuple[list[Level], Partition]:
-    levels = list(hierarchy(rates(scale, 1.0), clip))
-    return levels, partition(levels, np.full_like(levels[0].joined, 2), cap)()
+    levels = list(hierarchy(scale, 1.0, clip, cap))
+    return levels, partition(levels, np.full_like(levels[0].joined, 2), cap)
 
 
 def owners(levels: list[Level], cells: Partition) -> np.ndarray:
@@ -58,13 +58,14 @@ def test_what_flows_from_a_cell_to_another_flows_back_alike(shape):
     flow = np.zeros((count, count))
     for cell, (others, weights) in enumerate(zip(cells.neighbours, cells.weights, strict=True)):
         np.add.at(flow[cell], others[weights > 0], weights[weights > 0] * cells.mass[cell])
-    start = cells.starts[1]
+    start, back = cells.starts[1], links_back(cells)
     for cell in range(start, count):
-        links = slice(cells.first[cell - start], cells.first[cell - start + 1])
-        np.add.at(flow[cell], cells.finer[links], cells.rates[links] * cells.mass[cell])
+        links = slice(back.first[cell - start], back.first[cell - start + 1])
+        np.add.at(flow[cell], back.finer[links], back.rates[links] * cells.mass[cell])
     np.testing.assert_allclose(flow, flow.T, rtol=1e-12)  # float64
     # No link evens out the smaller of its cells by more than the cap; a cell may touch another along two sides.
     assert (cells.weights <= 4.0 + 1e-12).all()
+    assert back.leaving == pytest.approx((flow.sum(axis=1) / cells.mass).max(), rel=1e-12)
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 40])
@@ -88,6 +89,23 @@ def test_the_largest_is_found_among_the_bits(dtype):
         assert np.array([largest], f"i{np.dtype(dtype).itemsize}").view(dtype)[0] == dtype(max(values))
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_the_largest_that_is_known_passes_over_what_is_not(dtype):
+    for values in ([np.nan, 3.0, -7.0], [-np.nan, 0.0], [np.nan, np.inf, 1.0], [-1.0, -2.0, np.nan]):
+        largest = largest_known(as_integers(np.array(values, dtype)))
+        wanted = max(0, np.nanmax(values))
+        assert np.array([largest], f"i{np.dtype(dtype).itemsize}").view(dtype)[0] == dtype(wanted)
+
+
+def test_few_cells_are_not_joined_unless_links_between_them_would_be_capped():
+    side = int(FEW_CELLS**0.5)
+    # ϱ is 40 and 312 px²: over the pixels of a cell 10, 2.5 and 0.6, or 78, 20, 4.9 and 1.2.
+    for scale, of_few, of_many in ((9.0, 2, 8), (25.0, 8, 16)):
+        for count, across in ((side, of_few), (16 * side, of_many)):
+            _, cells = cells_of(np.full((count, count), scale, np.float32), clip=2.0, cap=10.0)
+            assert np.median(cells.mass) == across**2  # others are cut off by the border
+
+
 def test_threads_do_not_change_a_bit():
     """Bands begin at odd rows as well, and beside one another cells are joined across the line between two."""
     scale = torn((620, 898)).astype(np.float32)
@@ -97,7 +115,7 @@ def test_threads_do_not_change_a_bit():
         results = []
         for count in (1, 2, 3):
             bands.set_threads(count)
-            results.append(adaptive(layer, rates(scale, 1.0), 1.0, 0.1).tobytes())
+            results.append(adaptive(layer, scale, 1.0, 1.0, 0.1).tobytes())
     finally:
         bands.set_threads(before)
     assert results[0] == results[1] == results[2]
@@ -105,7 +123,7 @@ def test_threads_do_not_change_a_bit():
 
 def test_the_rate_of_larger_cells_is_that_of_their_pixels():
     levels, _ = cells_of(np.full((32, 32), 9.0))
-    np.testing.assert_allclose(levels[0].rate, 40)
+    assert levels[0].scale.shape == (32, 32)
     for level, size in zip(levels[1:], (2, 4, 8), strict=False):
         # ϱ = 40 px² less what means and interpolation blur, over the pixels in a cell of that size.
         rate = 40 - 0.5 * (size**2 - 1) / 3
@@ -127,7 +145,7 @@ def test_no_cell_lies_on_both_sides_of_a_wall():
     assert not set(left.ravel()) & set(right.ravel())
     layer = np.zeros((64, 64, 4), np.float32)
     layer[:, 31:] = 1
-    after = adaptive(layer, rates(scale.astype(np.float32), 1.0), 2.0, 1e-3)
+    after = adaptive(layer, scale.astype(np.float32), 1.0, 2.0, 1e-3)
     np.testing.assert_allclose(after[:, :29], 0, atol=1e-6)  # float32 rounding
     np.testing.assert_allclose(after[:, 31:], 1, atol=1e-5)  # and of coefficients
 
@@ -145,7 +163,7 @@ def test_two_parts_of_a_square_that_only_touch_at_a_corner_are_not_joined():
 def test_a_slope_stays_a_slope():
     """Light that grows evenly flows through; cells give back what they hold along that slope, whatever their size."""
     layer = np.repeat(np.add.outer(np.arange(160.0), 2 * np.arange(192.0))[..., None], 4, axis=2)
-    after = adaptive(layer, rates(np.full((160, 192), 8.0), 1.0), 2.0, 1e-6)
+    after = adaptive(layer, np.full((160, 192), 8.0), 1.0, 2.0, 1e-6)
     # The borders, where nothing flows on, are five widths away.
     np.testing.assert_allclose(after[48:-48, 48:-48], layer[48:-48, 48:-48], rtol=2e-4)
 
@@ -160,8 +178,8 @@ def test_the_error_falls_with_smaller_cells(name):
     }[name]
     layer = cv2.GaussianBlur(np.random.default_rng(3).random((200, 264, 4)), (0, 0), 1.5)
     layer = layer + (scale > 10)[..., None] * 0.5
-    exact, rate = reference(layer, scale, 1.0), rates(scale, 1.0)
-    errors = [float(np.sqrt(np.mean((adaptive(layer, rate, clip, 1e-4) - exact) ** 2))) for clip in (1, 4, 16)]
+    exact = reference(layer, scale, 1.0)
+    errors = [float(np.sqrt(np.mean((adaptive(layer, scale, 1.0, clip, 1e-4) - exact) ** 2))) for clip in (1, 4, 16)]
     # Seen: 7.6e-3 … 1.7e-2 with the largest cells, a fifth to a third of that with the smallest.
     assert errors[0] > 1.3 * errors[1] > 1.6 * errors[2]
     assert errors[0] < 0.05
@@ -171,8 +189,8 @@ def test_pixels_far_from_larger_cells_are_done_on_the_grid_and_those_between_fit
     """Both ways meet where the blur is narrow: no line between them stands out."""
     layer = cv2.GaussianBlur(np.random.default_rng(4).random((96, 400, 4), dtype=np.float32), (0, 0), 2)
     scale = np.tile(np.linspace(1, 6, 400, dtype=np.float32), (96, 1))
-    error = np.abs(adaptive(layer, rates(scale, 1.0), 4.0, 1e-3) - reference(layer, scale, 1.0)).mean((0, 2))
-    alone = next(hierarchy(rates(scale, 1.0), 4.0)).joined[:, 1:-1].any(axis=0)
+    error = np.abs(adaptive(layer, scale, 1.0, 4.0, 1e-3) - reference(layer, scale, 1.0)).mean((0, 2))
+    alone = next(hierarchy(scale, 1.0, 4.0, 8.0)).joined[:, 1:-1].any(axis=0)
     first = 2 * int(np.argmax(alone)) + 2
     # Without larger cells only the polynomial errs, by a thousandth of the detail, which is 0.04; the last sixteen
     # columns before them get light from them.

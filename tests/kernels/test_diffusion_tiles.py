@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_cdt
 
+from fogpipe.kernels.diffusion import tiles
 from fogpipe.kernels.diffusion.polynomial import LARGEST_FACTOR, coefficients, degree_for, quantised
 from fogpipe.kernels.diffusion.rolling import COLUMNS
-from fogpipe.kernels.diffusion.tiles import LEAST_ROWS, SQUARE, on_grid
+from fogpipe.kernels.diffusion.tiles import LEAST_ROWS, SQUARE
 
 FEW, MANY = (1.0, 0.15), (16.0, 0.005)
 """Rate and share of a polynomial of one pass over the tiles, and of more than one."""
 SHAPES = [(1, 1), (1, 700), (300, 1), (3, 5), (2 * LEAST_ROWS - 3, COLUMNS + 12), (LEAST_ROWS, 2 * COLUMNS + 6)]
+
+
+def on_grid(layer: np.ndarray, rate: np.ndarray, *arguments) -> np.ndarray:
+    """Of rates in place of scales, for a σ0 of 1."""
+    return tiles.on_grid(layer, np.sqrt(2 * rate + 1), 1.0, *arguments)
 
 
 def degree(largest: float, share: float) -> int:
@@ -97,3 +103,16 @@ def test_where_no_light_moves_all_stays_as_it_is():
     wanted = pixels(squares, layer.shape[:2])
     after = on_grid(layer, np.zeros(layer.shape[:2], np.float32), 1.0, 0.15, squares)
     np.testing.assert_array_equal(after[wanted], layer[wanted])
+
+
+def test_where_the_scale_is_unknown_nothing_is_blurred():
+    """And a tile in which scales are missing is copied, or takes as few steps, as if these pixels were sharp."""
+    layer = some((200, 700))[0]
+    scale = np.ones(layer.shape[:2], np.float32)
+    scale[:100] = np.random.default_rng(5).uniform(1, 1.2, (100, 700))
+    unknown = np.random.default_rng(6).random(scale.shape) < 0.1
+    missing, sharp = np.where(unknown, np.float32(np.nan), scale), np.where(unknown, np.float32(1), scale)
+    expected = tiles.on_grid(layer, sharp, 1.0, *FEW)
+    np.testing.assert_array_equal(tiles.on_grid(layer, missing, 1.0, *FEW), expected)
+    np.testing.assert_array_equal(expected[2 * LEAST_ROWS + 4 :], layer[2 * LEAST_ROWS + 4 :])
+    assert np.abs(expected[:100] - layer[:100]).mean() > 0.01
