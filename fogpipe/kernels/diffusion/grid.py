@@ -68,9 +68,10 @@ def rates(scale: FloatArray, finest: float) -> FloatArray:
 def hierarchy(scale: FloatArray, finest: float, clip: float, cap: float) -> Iterator[Level]:
     """Levels of cells, beginning with the pixels, until nothing is left to join; ``cap`` as for the partition."""
     real, nothing = scale.dtype.type, np.empty((0, 0), scale.dtype)
-    cells = scale, real(finest), nothing, nothing, nothing
+    mass = east = south = nothing
+    cells = scale, real(finest), mass, east, south
     rows, columns = scale.shape
-    square, (_, _, _, east, south) = 1, cells
+    square = 1
     while True:
         few = rows * columns <= FEW_CELLS and square > 1 and max(east.max(), south.max()) <= cap * square
         strong = real(np.inf if few or min(rows, columns) <= 2 else clip)
