@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from fogpipe.kernels.diffusion.rows import end_of_run, face, flags, mass_of, mean_rate, next_flag
+from fogpipe.kernels.diffusion.rows import end_of_run, face, flags, mass_of, next_flag, rate_of
 
 WEAK = 0.1
 """A face inside a cell that is this much weaker than the one beside it has a way round it."""
@@ -21,6 +21,7 @@ def coarsen(first, last, scale, finest, mass, east, south, joined, whole, full, 
     """
     rows, columns = joined.shape
     (alike, alike_eights), (others, eights) = flags(columns), flags(columns)
+    room = np.empty((5, scale.shape[1]), scale.dtype)
     for y in range(first, last):
         _sort(whole[y], whole[min(y + 1, rows - 1)], full if y + 1 < rows else -full, alike, others)
         coarse_east[y], coarse_south[y] = 0, 0
@@ -28,7 +29,7 @@ def coarsen(first, last, scale, finest, mass, east, south, joined, whole, full, 
         while x < columns:
             end = end_of_run(x, alike, alike_eights)
             if scale.size:
-                _among_pixels(y, x, end, scale, finest, blur, least, coarse_east, coarse_south)
+                _among_pixels(y, x, end, scale, finest, blur, least, room, coarse_east, coarse_south)
             else:
                 _along(y, x, end, east, blur, least, coarse_east)
                 _down(y, x, end, south, blur, least, coarse_south)
@@ -56,26 +57,25 @@ def _sort(ours, beneath, full, alike, others):
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
-def _among_pixels(y, x, end, scale, finest, blur, least, coarse_east, coarse_south):
-    """Of whole cells of two by two pixels in a row. Conductances are means of two rates."""
-    row, j = np.uintp(y), _TWO * np.uintp(y)
-    upper, lower, below, beyond = scale[j], scale[j + _ONE], scale[j + _TWO], scale[j + _TWO + _ONE]
+def _among_pixels(y, x, end, scale, finest, blur, least, room, coarse_east, coarse_south):
+    """Of whole cells of two by two pixels in a row. Conductances are sums of two halves of rates."""
+    half, row, j = type(finest)(0.5), np.uintp(y), _TWO * np.uintp(y)
+    first, last = _TWO * np.uintp(x), _TWO * np.uintp(end)
+    upper, lower, below, beyond, flows = room[0], room[1], room[2], room[3], room[4]
+    for k in range(np.uintp(4)):
+        for i in range(first, last + _TWO):
+            room[k, i] = half * rate_of(scale[j + k, i], finest)
+    for i in range(first, last):
+        flows[i] = _in_line(upper[i] + lower[i], lower[i] + below[i], below[i] + beyond[i])
     for cell in range(np.uintp(x), np.uintp(end)):
-        i = _TWO * cell
-        flow = _among_four(upper[i], upper[i + _ONE], upper[i + _TWO], upper[i + _TWO + _ONE], finest)
-        flow += _among_four(lower[i], lower[i + _ONE], lower[i + _TWO], lower[i + _TWO + _ONE], finest)
-        coarse_east[row, cell] = max(flow - blur, least * flow)
-    for cell in range(np.uintp(x), np.uintp(end)):
-        i = _TWO * cell
-        k = i + _ONE
-        flow = _among_four(upper[i], lower[i], below[i], beyond[i], finest)
-        flow += _among_four(upper[k], lower[k], below[k], beyond[k], finest)
+        flow = flows[_TWO * cell] + flows[_TWO * cell + _ONE]
         coarse_south[row, cell] = max(flow - blur, least * flow)
-
-
-@numba.njit(nogil=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def _among_four(a, b, c, d, finest):
-    return _in_line(mean_rate(a, b, finest), mean_rate(b, c, finest), mean_rate(c, d, finest))
+    for cell in range(np.uintp(x), np.uintp(end)):
+        i = _TWO * cell
+        k, m, n = i + _ONE, i + _TWO, i + _TWO + _ONE
+        flow = _in_line(upper[i] + upper[k], upper[k] + upper[m], upper[m] + upper[n])
+        flow += _in_line(lower[i] + lower[k], lower[k] + lower[m], lower[m] + lower[n])
+        coarse_east[row, cell] = max(flow - blur, least * flow)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
