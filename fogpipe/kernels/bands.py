@@ -104,11 +104,12 @@ def meanwhile(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any
 def _submit(job: Callable[[], None]) -> None:
     # The pool of the standard library takes thirty microseconds more to hand a job over; some bands take a hundred.
     global _jobs
-    if _jobs is None:
-        _jobs = SimpleQueue()
+    jobs = _jobs
+    if jobs is None:
+        jobs = _jobs = SimpleQueue()
         for _ in range(_threads - 1):
-            Thread(target=_work, args=(_jobs,), name="fogpipe-band", daemon=True).start()
-    _jobs.put(job)
+            Thread(target=_work, args=(jobs,), name="fogpipe-band", daemon=True).start()
+    jobs.put(job)
 
 
 def _work(jobs: SimpleQueue[Callable[[], None] | None]) -> None:

@@ -228,6 +228,7 @@ def _link(number, side, other, flow, cap, end, mass, neighbours, weights):
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _turned(coarser, neighbours, weights, mass, start, leaving):
+    """See ``LinksBack``. What leaves coarser cells by these links is added to what leaves them by others."""
     most, count = 4 * np.count_nonzero(coarser), 0
     links, others, flows = np.empty(most, np.uint32), np.empty(most, np.uint32), np.empty(most, mass.dtype)
     first = np.zeros(len(mass) - start + 1, np.int64)
