@@ -161,7 +161,7 @@ def _scale_of(rate: float, finest: float) -> float:
 def _surveyed(scale: FloatArray, finest: float) -> tuple[float, tuple[slice, slice]]:
     """The largest ϱ, and the rectangle beyond which no light moves: one pixel larger than all that is blurred."""
     rows, columns = scale.shape
-    finest_bits = as_integers(np.array([finest], scale.dtype))[0]
+    finest_bits = as_integers(scale.dtype.type(finest))
     largest = np.empty(rows, scale.dtype)
     first, last = np.empty(rows, np.int64), np.empty(rows, np.int64)
     in_bands(_survey, rows, columns, as_integers(scale), finest_bits, as_integers(largest), first, last)

@@ -71,7 +71,7 @@ def on_grid(
         # Those that follow take what they need from beyond the squares that are wanted.
         where = _around(wanted.view(np.uint8), sum(len(each) - 1 for each in factors[number + 1 :]))
         limits = as_integers(np.sqrt(spectra / 4 + finest * finest, dtype=layer.dtype))  # the scales of these rates
-        scales = scale, as_integers(scale), scale.dtype.type(finest), as_integers(np.array([finest], scale.dtype))[0]
+        scales = scale, as_integers(scale), scale.dtype.type(finest), as_integers(scale.dtype.type(finest))
         arguments = (height, width, in_rows(layer), *scales, where, spectra, limits, series)
         in_bands(_tiles, -(-rows // height) * -(-columns // width), height * width, *arguments, in_rows(after))
         layer = after
